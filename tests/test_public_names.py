@@ -59,6 +59,7 @@ hpop.goals.AnyOf
 hpop.goals.CameraAt
 hpop.goals.Goal
 hpop.goals.GoalSet
+hpop.goals.Anywhere
 hpop.goals.JointsAt
 hpop.goals.LookAt
 hpop.goals.Region

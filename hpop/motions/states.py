@@ -248,6 +248,7 @@ class StateSpace:
         """
         if isinstance(values, str):
             values = self.called(values, what)
+        values = self.completed(values, what)
         if isinstance(values, Mapping):
             if misfit := self.misfit(values):
                 raise QueryError(f"the {what} must be given as {self}, got {shown(values)}: {misfit}")
@@ -256,6 +257,19 @@ class StateSpace:
             return dict(zip(self.names, values, strict=True))
         except (TypeError, ValueError):
             raise QueryError(f"the {what} must be given as {self}, got {shown(values)}") from None
+
+    def implied(self, what: str) -> Mapping[str, float]:
+        """Return values, by name, of the last columns, if users may leave these out of a state; here none."""
+        return {}
+
+    def completed(self, values: Any, what: str) -> Any:
+        """Return a user's values, by name or in order, with those added that are :meth:`implied` and were left out."""
+        implied = self.implied(what)
+        if implied and isinstance(values, Mapping):
+            return {**implied, **values}
+        if implied and isinstance(values, list | tuple | np.ndarray) and len(values) == len(self.names) - len(implied):
+            return [*values, *implied.values()]
+        return values
 
     def called(self, name: str, what: str) -> Values:
         """Return the values of a named state, such as "home"; QueryError if the model has none of this name."""

@@ -190,8 +190,9 @@ class Faults:
             with self.collected(place):
                 called = space.called(given, what)
                 space.state(called, free=space.angles, what=what)  # refused here, where the name is given
-                return dict(zip(space.names, called, strict=True))
+                return space.by_name(called, what)
             return None
+        given = space.completed(given, what)
         by_name = isinstance(given, dict)
         keys: dict[str, str | int] = {name: name if by_name else i for i, name in enumerate(space.names)}
         values = given if by_name else dict(enumerate(entries(given)))

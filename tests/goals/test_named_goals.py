@@ -94,7 +94,7 @@ def test_a_goal_of_ones_own_is_a_short_class_with_a_name() -> None:
 @pytest.mark.parametrize(
     ("given", "kind", "said"),
     [
-        ({"lok_at": {}}, UnknownName, r"unknown goal 'lok_at'\. Did you mean 'look_at'\? Known: camera_at, "),
+        ({"lok_at": {}}, UnknownName, r"unknown goal 'lok_at'\. Did you mean 'look_at'\? Known: anywhere, camera_at, "),
         ({"look_at": {"target": (1, 2, 3)}}, QueryError, "goal 'look_at' also needs distance; its parameters"),
         ({"look_at": [1, 2, 3]}, QueryError, "the parameters of goal 'look_at' must be given by name"),
         ({"look_at": {"goal": (1, 2, 3)}}, QueryError, "has no parameter 'goal'. It has target, distance, roll"),

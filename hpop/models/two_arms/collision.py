@@ -120,7 +120,7 @@ class TwoArmsCollision:
 
     @property
     def constraint(self) -> str:
-        """What motions must keep besides being free, for certificates: an orientation of the viewing arm, or ""."""
+        """Orientation of the viewing arm that motions must keep besides being free, for certificates; "" for none."""
         return str(self._alone.constraint)
 
     @checked_arguments

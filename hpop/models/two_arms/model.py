@@ -24,7 +24,6 @@ from hpop.models.two_arms.collision import BothArms, TwoArmsCollision, TwoArmsJu
 from hpop.models.two_arms.law import PACE, TIME, ReachInTime
 from hpop.models.two_arms.work import STEP, WorkMotion
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
-from hpop.motions.states import StateSpec
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.geometry.solids import Shape
@@ -261,16 +260,9 @@ class SpaceInTime(StateSpace):
     The pace is 0, and may be left out as well.
     """
 
-    def by_name(self, values: StateSpec, what: str) -> dict[str, Any]:
-        """Return a user's values as a dict by column, in order, with pace and time added if they are missing."""
-        time = 0.0 if what == START else self.high[-1]
-        if isinstance(values, str):
-            values = self.called(values, what)
-        if isinstance(values, Mapping):
-            values = {PACE: 0.0, TIME: time, **values}
-        elif isinstance(values, list | tuple | np.ndarray) and len(values) == len(self.names) - 2:
-            values = (*values, 0.0, time)
-        return super().by_name(values, what)
+    def implied(self, what: str) -> dict[str, float]:
+        """Return pace and time, which users may leave out of a state."""
+        return {PACE: 0.0, TIME: 0.0 if what == START else self.high[-1]}
 
 
 class _BodyInTime(Body):

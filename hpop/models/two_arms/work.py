@@ -102,7 +102,7 @@ class WorkMotion:
 
     @cached_property
     def _ways(self) -> FloatArray:
-        """How far (N, n) each joint has moved up to each row, back and forth, rad or m."""
+        """Distance (N, n) that each joint has moved up to each row, back and forth, rad or m."""
         return np.concatenate([np.zeros((1, len(self.names))), np.cumsum(np.abs(np.diff(self.rows, axis=0)), axis=0)])
 
     def ways(self, begin: Column, end: Column) -> FloatArray:
