@@ -38,6 +38,10 @@ RUN_THERE = {
     *("docs/arm.md", "docs/front.md", "docs/front_reference.md", "docs/optimisers.md", "docs/preferences.md"),
     *("docs/questions.md", "docs/study.md"),
 }
+WORK = (
+    "t,base_to_shoulder,shoulder_to_upper_arm,upper_arm_to_elbow,elbow_to_forearm,forearm_to_wrist,wrist_to_hand\n"
+    "0,0,0.1,0.2,0,0,0\n2,0,0.2,0.4,0,0,0\n"
+)  # motion of an arm, as `hpop pick --body joints` writes it
 CLAIMED = ("save_pictures(problem", "class Straight:")
 TOUR = yaml.safe_load((ROOT / "examples/museum.yaml").read_text())
 pytestmark = pytest.mark.usefixtures("registered_as_before")
@@ -165,6 +169,7 @@ def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: s
     if "model" in shown:  # arms and heads have other planners and criteria
         ours |= {"criteria": ["duration"], "planner": {"roadmap": {"samples": 1}}}
     (here / "shown.yaml").write_text(yaml.safe_dump(ours | shown))
+    (here / "work.csv").write_text(WORK)
     (reader,) = shown.get("world", {"": None})
     paths = [shown["world"][reader].get("path")] if reader else []
     if missing := [path for path in paths if path and not (here / path).exists()]:

@@ -122,7 +122,19 @@ class Criterion(Protocol):
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
 
 
-ROBOT_NEEDS = ("base", "camera", "tool", "joints", "heading", "wheels", "plane", "turn-move", "rigid")
+ROBOT_NEEDS = (
+    "base",
+    "camera",
+    "tool",
+    "joints",
+    "heading",
+    "wheels",
+    "plane",
+    "turn-move",
+    "rigid",
+    "time",
+    "work_tool",
+)
 WORLD_NEEDS = (
     "obstacles",
     "keep_out",

@@ -62,7 +62,7 @@ def test_a_camera_that_is_off_by_a_hair_is_off_by_that():
 def test_a_target_is_given_by_whoever_asks():
     again = make_criterion(describe_criterion(LookAtCriterion([1, 2.5, 0])))
     assert again == LookAtCriterion((1.0, 2.5, 0.0))
-    for wrong in ((1.0, 2.0), "here", (1.0, 2.0, math.nan)):
+    for wrong in ((1.0, 2.0), "", 7, (1.0, 2.0, math.nan)):
         with pytest.raises(CriterionError, match="target"):
             LookAtCriterion(wrong)
     with pytest.raises(CriterionError, match="target"):
