@@ -22,13 +22,14 @@ from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import lean
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
-from hpop.search.machinery.turns import CACHED, OFFSET, SIZE, TURNS, Groups
+from hpop.search.machinery.turns import CACHED, GROUP_COLUMNS, OFFSET, SIZE, TURNS, Groups
 
 UNREACHABLE = np.int64(2**62)
 WORD_BITS = 63  # of a packed arc
 MEMBERS = 64  # largest number of nodes of a group: a word marks the improved ones, node v by its bit v mod 64
 IN_WORD = MEMBERS - 1
 BUCKETS = 4096  # largest number of buckets for the cost of one arc
+BEGIN, END, SHIFT = range(GROUP_COLUMNS, GROUP_COLUMNS + 3)  # columns of the table of groups for these searches
 SLOT, BEFORE, AFTER, MARKS = range(4)  # columns of the queue: bucket or -1, neighbours in its list, improved nodes
 
 
@@ -110,19 +111,24 @@ class GroupSearches:
 
     def __init__(self, graph: Graph, targets: IntArray, clock: Clock, groups: Groups) -> None:
         self.clock, self.groups = clock, groups
-        n, k, rows, group = graph.nodes, graph.criteria, groups.rows, _group_of_nodes(groups)
+        n, k, group = graph.nodes, graph.criteria, _group_of_nodes(groups)
         is_extended = groups.plain is not None  # then the base has these groups too
         layer, layers = (graph.layer, graph.layers) if is_extended else (graph, 1)
         packed = PackedArcs.of(layer, layer.cache["groups", groups.column] if is_extended else groups, clock)
+        rows = np.zeros((len(groups.rows), SHIFT + 1), np.int32)
+        rows[:, :GROUP_COLUMNS] = groups.rows
+        own = rows[: layers * (len(packed.begin) - 1)].reshape(layers, -1, SHIFT + 1)
+        own[..., BEGIN], own[..., END] = packed.begin[:-1], packed.begin[1:]
+        own[..., SHIFT] = np.arange(layers)[:, None] * layer.nodes
         added, order = graph.added, np.zeros(0, np.int64)
         heads = groups.new_number[added.heads if is_extended else order]
         order = np.argsort(group[heads], kind="stable")
         entered_from = groups.new_number[np.searchsorted(graph.indptr, added.places[order], side="right") - 1]
-        begin_added = np.append(0, np.cumsum(np.bincount(group[heads], minlength=len(rows))))
-        joins = heads[order], entered_from, begin_added
+        begin_joins = np.append(0, np.cumsum(np.bincount(group[heads], minlength=len(rows)))).astype(np.int32)
+        joins = heads[order], entered_from, begin_joins
         self.h, self.onward = np.empty((k, n), np.int64), np.empty((k, n), np.int32)
         dearest, ends = np.ascontiguousarray(groups.dearest.T), groups.new_number[targets]
-        shared = (packed.begin, packed.member_bits, packed.node_bits, layers, layer.nodes)
+        shared = (packed.member_bits, packed.node_bits)
 
         def arguments(j: int) -> tuple[Any, ...]:
             largest = int(graph.largest[j])
@@ -219,18 +225,15 @@ def remove_group(g: int, queue: IntArray, buckets: IntArray) -> None:
 @lean
 def settle_groups(
     arcs: IntArray,
-    begin: IntArray,
     member_bits: int,
     node_bits: int,
-    layers: int,
-    nodes: int,
     joined: IntArray,
     joined_from: IntArray,
-    begin_joins: IntArray,
+    begin_joins: NDArray[np.int32],
     join_costs: IntArray,
     is_max: bool,
     group: NDArray[np.int32],
-    rows: IntArray,
+    rows: NDArray[np.int32],
     dearest: IntArray,
     uniform: bool,
     turns: IntArray,
@@ -249,13 +252,13 @@ def settle_groups(
     The search stops when all distances up to `until`, or up to that of the source, are final. Returns the least
     distance beyond `until` that a node has, or UNREACHABLE. The next call with equal arrays continues from there.
 
-    arcs, begin, *_bits      arcs of a layer with this cost alone, see :class:`PackedArcs`
-    layers, nodes            number of layers that repeat these arcs, and number of nodes of a layer
+    arcs (m,), *_bits        arcs of a layer with this cost alone, see :class:`PackedArcs`
     joined, joined_from (j,) further arcs, sorted by the group of the head: heads and tails
     begin_joins (g + 1,)     offsets of the further arcs that enter each group
     join_costs (j,)          their costs
     is_max                   True if the cost of a path is its largest arc cost, False if it is the sum
-    group (n,), rows         group of each node, and table of groups, see :class:`.Groups`
+    group (n,), rows         group of each node, and table of groups, see :class:`.Groups`; more columns: `arcs` of the
+                             group are those from BEGIN to END - 1; SHIFT is added to the tail of each, for its layer
     dearest, uniform, turns  this cost of the turns, see :class:`.Groups` (`uniform` is an entry of `alike`)
     targets                  nodes at which paths may end, in the numbering of the groups
     out, onward (n,)         output: least cost, and next node on such a path or -1, in the numbering of the groups
@@ -267,7 +270,7 @@ def settle_groups(
     until                    largest distance that must be final
     """
     one = np.int64(1)
-    in_group, in_layer, per_layer = (one << member_bits) - 1, (one << node_bits) - 1, len(begin) - 1
+    in_group, in_layer = (one << member_bits) - 1, (one << node_bits) - 1
     if progress[0] < 0:
         progress[0] = 0
         for v in range(len(out)):
@@ -290,7 +293,7 @@ def settle_groups(
             continue
         remove_group(g, queue, buckets)
         waiting -= 1
-        offset, members, marks = rows[g, OFFSET], rows[g, SIZE], queue[g, MARKS]
+        offset, members, marks = np.int64(rows[g, OFFSET]), np.int64(rows[g, SIZE]), queue[g, MARKS]
         queue[g, MARKS] = 0
         entered = marks  # nodes from which turns must be tried; a node improved by a turn needs no second one
         if members > 1 and uniform:  # only turns to the nearest node matter
@@ -312,14 +315,11 @@ def settle_groups(
                     out[u], onward[u] = cost, v
                     marks |= one << (u & IN_WORD)
                     entered &= ~(one << (u & IN_WORD))
-        layer = g // per_layer if g < layers * per_layer else layers
-        own, end = np.int64(0), np.int64(0)
-        if layer < layers:
-            own, end = begin[g - layer * per_layer], begin[g - layer * per_layer + 1]
+        own, end, shift = np.int64(rows[g, BEGIN]), np.int64(rows[g, END]), rows[g, SHIFT]
         for a in range(own, end + begin_joins[g + 1] - begin_joins[g]):
             if a < end:
                 word = arcs[a]
-                v, u = offset + (word & in_group), layer * nodes + ((word >> member_bits) & in_layer)
+                v, u = offset + (word & in_group), shift + ((word >> member_bits) & in_layer)
                 w = word >> (member_bits + node_bits)
             else:
                 join = begin_joins[g] + a - end
