@@ -273,9 +273,8 @@ def settle_groups(
     in_group, in_layer = (one << member_bits) - 1, (one << node_bits) - 1
     if progress[0] < 0:
         progress[0] = 0
-        for v in range(len(out)):
-            out[v] = UNREACHABLE
-            onward[v] = -1
+        for node in range(len(out)):
+            out[node], onward[node] = UNREACHABLE, -1
         for v in targets:
             g = np.int64(group[v])
             out[v] = 0
@@ -343,7 +342,7 @@ def settle_groups(
     progress[0], progress[1] = bucket, waiting
     beyond = UNREACHABLE
     if until < UNREACHABLE:
-        for v in range(len(out)):
-            if until < out[v] < beyond:
-                beyond = out[v]
+        for node in range(len(out)):
+            if until < out[node] < beyond:
+                beyond = out[node]
     return int(beyond)
