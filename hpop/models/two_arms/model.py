@@ -15,8 +15,8 @@ from hpop.base.options import BesideScenario, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
-from hpop.models.camera import FieldOfView
 from hpop.models.files import without_paths
+from hpop.models.rigid import FieldOfView
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import levers
 from hpop.models.serial_arm.laws import JointSpline, doubtful, faults
