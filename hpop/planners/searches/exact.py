@@ -19,7 +19,7 @@ from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.judgement import evaluable_in_time, trusted
 from hpop.planners.needs import people_move, refuse_moving, refuse_speeds
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.searches.many_stops import fixed_stop_answers, fixes_stops
+from hpop.planners.searches.many_stops import fixed_stop_answers, fixes_stops, in_order_of_shortest
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.status import Budget, ProgressCallback, Status
@@ -313,6 +313,10 @@ class ExactSearch:
         if candidates.status is Status.INTERRUPTED:
             return
         start_compilers()
+        ordered = in_order_of_shortest(self, query, spending.share(query.build_seconds))
+        if ordered is not None:
+            with spending.paused():
+                yield ordered
         if built.part or not built.is_large or self.eps >= COARSE:
             return
         coarse = query.exact(self.name, spending.share(query.build_seconds), eps=COARSE, stage=True)

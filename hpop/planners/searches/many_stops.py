@@ -9,6 +9,7 @@ import math
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,11 +21,11 @@ from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import OFF, assemble, gap_text, memory_limit_notes, precision_text, search_stats
 from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.joined_ends import Ends
-from hpop.planners.graphs.query import built_query, tolerance_counts
+from hpop.planners.graphs.query import Query, built_query, tolerance_counts
 from hpop.planners.graphs.tour_stops import tour_graph
 from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
-from hpop.planners.searches.fixed_stops import FixedStops, Fronts, TourPaths, chosen_states, stages_of
+from hpop.planners.searches.fixed_stops import ENDS, FixedStops, Fronts, TourPaths, chosen_states, stages_of
 from hpop.planners.spending import Exhausted, Limits, Spending
 from hpop.runtime.status import Progress, Status
 from hpop.search import ParetoPaths, SearchStats
@@ -64,6 +65,38 @@ def fixes_stops(search: ExactSearch, problem: Problem) -> bool:
             "order, leave stop_states out, or give people no velocity"
         )
     return True
+
+
+def in_order_of_shortest(search: ExactSearch, query: Query, limits: Limits) -> Candidates | None:
+    """Return the front of the tours in one order, that of the shortest tour, as an early result.
+
+    The graph has a layer for each stop only. The shortest tour is that of :meth:`.FixedStops.shortest_tour`, with one
+    state of each stop. None if the order is given already, or there is no tour.
+
+    query  query for all orders
+    """
+    layered, spending, criteria = query.space.tour_layers, query.space.spending, query.objectives.optimised
+    if layered is None or query.free is not None or len(layered.tour.layers) <= len(layered.tour.remaining) + 1:
+        return None
+    held, tour, inner = spending.memory, layered.tour, layered.inner
+    plain = replace(query, space=inner, graph=inner.graph(criteria), goals=list(layered.goals))
+    sites = tuple(nodes[nodes.size // 2 :][:1] for nodes in layered.members)
+    fixed = FixedStops(plain, replace(layered, members=sites), stages_of(tour))
+    stops = (fixed.stages[number].stop for number in fixed.shortest_tour()[:, 0].tolist())
+    order = [stop for stop in stops if stop != ENDS]
+    if not order and not tour.optional:
+        return None
+    for stop in (i for i in tour.remaining if i not in order):  # stops that no path leads to
+        order.insert(
+            min((at for at, later in enumerate(order) if stop in tour.before[later]), default=len(order)), stop
+        )
+    chain = replace(layered, tour=replace(tour, order=tuple(pairwise(order))))
+    one = replace(query, space=chain, graph=chain.layered(plain.graph, criteria), goals=chain.targets)
+    front = one.exact(search.name, limits, eps=search.eps, tolerance=search.tolerance, stage=True)
+    one.drop_ties()
+    spending.release(spending.memory - held)
+    origins = tuple(origin | {"stage": ORDER} for origin in front.provenance)
+    return replace(front, provenance=origins).unfinished() if front.trajectories else None
 
 
 def fixed_stop_answers(

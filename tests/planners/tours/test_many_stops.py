@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,7 @@ from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.searches import fixed_stops, many_stops
 from hpop.planners.searches.fixed_stops import FixedStops, stages_of
-from hpop.planners.searches.many_stops import cover
+from hpop.planners.searches.many_stops import cover, in_order_of_shortest
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
@@ -184,6 +184,31 @@ def test_a_stopped_search_keeps_the_tours_in_the_order_of_the_shortest_one() -> 
         "lattice: incomplete (label limit): the search found none for tours that stop at these states ("
         in stopped.certificate
     )
+
+
+@pytest.mark.seeds(3, of=40)
+def test_an_early_stage_has_the_whole_front_of_one_order(seed: int) -> None:
+    world, ends, stops, _ = sites_drawn(seed, 3)
+    criteria = [*CRITERIA, *(["stops_missed"] if any(stop["optional"] for stop in stops) else [])]
+    order: Any = [(0, 1)] if seed % 2 else "any"
+    planner = Lattice(**PLAIN)
+    try:
+        query = planner.query(Problem(world, SMALL, *ends, criteria, tour=hpop.Tour(stops, order)))
+    except QueryError:
+        pytest.skip("start, goal or a stop is blocked")
+    stage = in_order_of_shortest(planner, query, Limits())
+    if stage is None:
+        assert len(query.paths(Limits())) == 0
+        return
+    assert stage.status is Status.UNFINISHED
+    assert all(origin["stage"] == many_stops.ORDER for origin in stage.provenance)
+    chains = [
+        list(pairwise(each)) for each in permutations(range(3)) if order == "any" or each.index(0) < each.index(1)
+    ]
+    tours = [Problem(world, SMALL, *ends, criteria, tour=hpop.Tour(stops, chain)) for chain in chains]
+    assert whole(stage) in [whole(planner.solve(tour)) for tour in tours]
+    given = planner.query(tours[0])
+    assert in_order_of_shortest(planner, given, Limits()) is None
 
 
 def test_after_ctrl_c_the_tours_found_before_are_the_result() -> None:
