@@ -3,14 +3,20 @@
 A map is read before there is a problem to plan. Distance grids and integrals are computed when a criterion first needs
 them, by code that does not know the planner's limits. Long work is therefore done in parts, and between two parts it
 checks the limits of the surrounding block (:func:`within`). Outside of such a block there are no limits.
+
+Also here: a limit of the threads of linear algebra.
 """
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from typing import Protocol
+from functools import cache
+from importlib import import_module
+from threading import Lock
+from typing import Any, Protocol
 
 READING = "the map was read"
 
@@ -64,3 +70,42 @@ def check(doing: str) -> None:
     """Check the limits between two parts of a long computation, called ``doing`` in the note on an exceeded limit."""
     if (limits := _LIMITS.get()) is not None:
         limits.check(doing)
+
+
+SET_THREADS, GET_THREADS = (f"scipy_openblas_{verb}_num_threads64_" for verb in ("set", "get"))  # of NumPy's wheels
+_ALONE = Lock()
+_inside = [0, 0]  # blocks of one_numpy_thread that are running, and the number of threads before the first of them
+
+
+@contextmanager
+def one_numpy_thread() -> Iterator[None]:
+    """Limit NumPy's own OpenBLAS to one thread meanwhile, where its wheel has one.
+
+    For small matrices a second thread waits busily: it takes longer than the work.
+    """
+    openblas = _openblas()
+    if openblas is None:
+        yield
+        return
+    with _ALONE:
+        if not _inside[0]:
+            _inside[1] = getattr(openblas, GET_THREADS)()
+            getattr(openblas, SET_THREADS)(1)
+        _inside[0] += 1
+    try:
+        yield
+    finally:
+        with _ALONE:
+            _inside[0] -= 1
+            if not _inside[0]:
+                getattr(openblas, SET_THREADS)(_inside[1])
+
+
+@cache
+def _openblas() -> Any:
+    """Return NumPy's own OpenBLAS; None if its wheel has other linear algebra."""
+    try:
+        found = ctypes.CDLL(import_module("numpy.linalg._umath_linalg").__file__)
+    except (ImportError, OSError):
+        return None
+    return found if hasattr(found, SET_THREADS) and hasattr(found, GET_THREADS) else None

@@ -21,6 +21,7 @@ from hpop.errors import MapError, ModelError, did_you_mean
 from hpop.models.serial_arm.convex import ConvexBody, convex_body, depth, enclosing, gap, is_convex, pieces_of
 from hpop.models.serial_arm.urdf import Robot, UrdfMesh
 from hpop.models.serial_arm.xml import XmlFile, file_bytes
+from hpop.runtime.limits import one_numpy_thread
 from hpop.world.files import extract, sha256
 from hpop.world.geometry.solids import Hull
 
@@ -216,6 +217,7 @@ class ReadMeshes(NamedTuple):
 _kept: OrderedDict[tuple[Any, ...], MeshHulls] = OrderedDict()
 
 
+@one_numpy_thread()
 def read_meshes(robot: Robot, packages: Mapping[str, str], way: Way) -> ReadMeshes:
     """Read all meshes of a robot's collision geometry; ModelError, which names all that cannot be used."""
     found: dict[tuple[str, tuple[float, ...]], tuple[Hull, ...]] = {}

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 import platform
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from importlib import import_module
 from threading import Lock
@@ -92,26 +90,6 @@ F = TypeVar("F")
 # Held while a job runs or symbols are built. An executor may use threads, as a Dask worker does by default, but neither
 # CasADi's symbols nor IPOPT's linear solver are thread-safe: two programs at once crash the process.
 ONE_PROGRAM = Lock()
-SET_THREADS, GET_THREADS = (f"scipy_openblas_{verb}_num_threads64_" for verb in ("set", "get"))  # of NumPy's wheels
-
-
-@contextmanager
-def one_numpy_thread() -> Iterator[None]:
-    """Limit NumPy's own OpenBLAS to one thread meanwhile, where its wheel has one.
-
-    The matrices of programs are so small that a second thread waits busily: it takes longer than the work.
-    """
-    try:
-        openblas = ctypes.CDLL(import_module("numpy.linalg._umath_linalg").__file__)
-        count, set_count = getattr(openblas, GET_THREADS)(), getattr(openblas, SET_THREADS)
-    except (ImportError, OSError, AttributeError):  # other wheels of NumPy have other linear algebra
-        yield
-        return
-    set_count(1)
-    try:
-        yield
-    finally:
-        set_count(count)
 
 
 @dataclass(frozen=True, eq=False)

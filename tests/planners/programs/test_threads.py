@@ -32,10 +32,12 @@ def test_the_linear_algebra_of_a_solver_uses_one_thread() -> None:
 
 SPLINES = """
 import ctypes, numpy.linalg._umath_linalg as linalg
-from hpop.planners.programs.outcome import GET_THREADS, one_numpy_thread
+from hpop.runtime.limits import GET_THREADS, one_numpy_thread
 threads = getattr(ctypes.CDLL(linalg.__file__), GET_THREADS, None)
 before = threads and threads()
 with one_numpy_thread():
+    with one_numpy_thread():
+        pass
     print(threads and threads())
 print("as before" if threads and threads() == before > 1 else "none")
 """
