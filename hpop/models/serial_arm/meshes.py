@@ -147,13 +147,26 @@ def _collada_unit(path: Path) -> float:
 def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Return the vertices (V, 3) and faces (F, 3) of a mesh without repeated vertices, flat faces or repeated faces."""
     size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
-    _, first, number = np.unique(np.rint(vertices / (SAME * size)), axis=0, return_index=True, return_inverse=True)
-    corners = number.reshape(-1)[faces]
+    first, number = _unique_rows(np.rint(vertices / (SAME * size)))
+    corners = number[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    _, once = np.unique(np.sort(corners[solid], axis=1), axis=0, return_index=True)
+    once, _ = _unique_rows(np.sort(corners[solid], axis=1))
     kept = corners[solid][np.sort(once)]
     used, places = np.unique(kept, return_inverse=True)
     return vertices[first][used], places.reshape(-1, 3)
+
+
+def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
+    """Return the first row of each kind among rows (N, 3) of whole numbers, in order of the rows, and each row's kind.
+
+    Three numbers of 21 bits become one, which is sorted in a fifth of the time.
+    """
+    if len(rows) and (apart := rows - rows.min(axis=0)).max() < 1 << 21:
+        keys = apart.astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
+        _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
+    else:
+        _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first, kind.reshape(-1)
 
 
 def mesh_error(path: Path, said: str) -> ModelError:
