@@ -30,7 +30,7 @@ from hpop.problems.verify import verify
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import Motion, State, through_the_doors
-from tests.planners.timed.test_enumerated import ROUND, Case, check, costs, person
+from tests.planners.timed.test_enumerated import ROUND, Case, check, person
 from tests.search.timed.enumeration import nondominated
 from tests.search.timed.semantics import Semantics, Vector
 
@@ -88,7 +88,7 @@ class TourCase(Case):
         for sequence in self.sequences():
             missed = (float(len(self.stops) - len(sequence)),) if any_optional else ()
             for motions, ticks in self._onward(sequence, self.start, 0, [], stands=True, held=False):
-                yield costs(self, motions, ticks) + missed, motions
+                yield self.costs(motions, ticks) + missed, motions
 
     def _onward(
         self, stops: Sequence[int], state: State, tick: int, motions: list[Motion], *, stands: bool, held: bool
