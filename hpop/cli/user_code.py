@@ -83,7 +83,8 @@ def named(spec: str) -> Criterion | Model | Planner:
     try:
         found: Any = _named_in(imported(source), name) if colon else known[spec]
     except AttributeError as error:
-        raise CriterionError(f"{spec!r} does not exist ({error}); give FILE.py:NAME or MODULE:NAME") from None
+        near = did_you_mean(name, vars(imported(source)))
+        raise CriterionError(f"{spec!r} does not exist ({error}); give FILE.py:NAME or MODULE:NAME.{near}") from None
     try:
         made = found() if isinstance(found, type) else found
     except TypeError as error:

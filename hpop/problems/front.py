@@ -22,6 +22,7 @@ from hpop.frontier.points import as_json
 from hpop.frontier.storage import checked_path
 from hpop.models import files
 from hpop.motions import Model
+from hpop.runtime.status import Status
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
@@ -105,7 +106,9 @@ class Front(frontier.ItemFront[Trajectory]):
         return tuple(dict.fromkeys(str(note) for notes in several if isinstance(notes, list) for note in notes))
 
     def _reason(self) -> str:
-        return " ".join(self.notes) or self.certificate
+        if self.status == Status.COMPLETE or "selected from" in self.certificate:  # the choice left no points
+            return self.certificate
+        return "; ".join(self.notes) or self.certificate
 
     @property
     def inactive(self) -> tuple[str, ...]:

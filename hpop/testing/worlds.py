@@ -217,7 +217,7 @@ class _StateLines:
         for halving in range(HALVINGS):
             if not line.size:
                 return
-            middle = 0.5 * (low + high)
+            middle = np.where(high - low < BRACKET, low, 0.5 * (low + high))
             between = self.rates(criterion, line, middle)
             lower = np.abs(between - before) >= np.abs(after - between)
             low, high = np.where(lower, low, middle), np.where(lower, middle, high)

@@ -22,7 +22,7 @@ from typing import Any
 from hpop.apart.child import ChildAnswer, ChildRefused, unpack
 from hpop.base.files import read_regular
 from hpop.base.text import shown
-from hpop.errors import MapError
+from hpop.errors import MapError, meant_file
 from hpop.runtime import limits
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import READING
@@ -58,7 +58,10 @@ def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
     try:
         data = read_regular(path, limit)
     except OSError as error:
-        raise MapError(f"{what} {named(path)} cannot be opened: {error.strerror or error}. Check the path.") from None
+        near = meant_file(Path(path)) if isinstance(error, FileNotFoundError) else ""
+        raise MapError(
+            f"{what} {named(path)} cannot be opened: {error.strerror or error}. Check the path.{near}"
+        ) from None
     if not data:
         raise MapError(f"{what} {named(path)} is empty (0 bytes). Check the file.")
     return data

@@ -47,6 +47,7 @@ def test_a_good_criterion_of_this_folder_passes_every_check(run: Callable[..., R
     (here / "good_plugin.py").write_text(PLUGIN.format(name="way", cost="m.base.length"))
     result = run("check", "good_plugin:Mine")
     assert result.exit_code == 0
+    assert run("check", "good_plugin:Mien").stderr.rstrip().endswith("Did you mean 'Mine'?")
     assert "FAIL" not in result.stdout
     assert result.stdout.count("ok") > 5
 

@@ -254,6 +254,12 @@ def test_notes_that_several_runs_share_are_said_once(front: hpop.Front) -> None:
     assert any("exposure" in note for note in front.notes)
 
 
+def test_a_choice_that_leaves_no_point_is_blamed_and_not_the_notes_of_the_search(front: hpop.Front) -> None:
+    with pytest.raises(hpop.frontier.FrontError, match="by turns <= -1") as raised:
+        front.where(turns="<=-1").knee()
+    assert not any(note in str(raised.value) for note in front.notes)
+
+
 def test_a_front_ends_with_a_status_that_hpop_knows(front: hpop.Front, tmp_path: Path) -> None:
     with pytest.raises(FrontError, match=r"status must be one of complete, no path, .*got 'proven by me'"):
         hpop.Front.of(front.costs, front.trajectories, status="proven by me")

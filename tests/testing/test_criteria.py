@@ -488,8 +488,10 @@ def test_a_rate_that_jumps_at_a_limit_is_found_wherever_the_limit_is(quantity, l
 
 
 def test_the_place_and_the_size_of_a_jump_are_told():
-    (fault,) = [check.fault for check in conformance(Limited("x", 3.3, more=0.5)) if check.claim == SMOOTH_RATE]
-    assert re.match(r"the rate jumps from (1 to 1\.5|1\.5 to 1) near x = 3\.3, ", fault)
+    for quantity, limit, where in (("x", 3.3, " near x = 3.3, "), ("speed", 0.5, " at a speed of 0.5 near x = ")):
+        checks = conformance(Limited(quantity, limit, more=0.5))
+        (fault,) = [check.fault for check in checks if check.claim == SMOOTH_RATE]
+        assert re.match(rf"the rate jumps from (1 to 1\.5|1\.5 to 1){where}", fault)
 
 
 @pytest.mark.parametrize("quantity", ["x", "speed", "turn rate", "from a person"])

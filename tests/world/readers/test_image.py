@@ -309,6 +309,8 @@ def test_an_image_without_a_scale_is_refused_with_the_call_that_reads_it(tmp_pat
     with pytest.raises(MapError, match=advice + r"\. `hpop explain image`") as raised:
         World.from_file("map.pgm")
     assert "float" not in str(raised.value)  # no signature
+    with pytest.raises(MapError, match=r"cannot be opened: .* Did you mean 'map.pgm'\?"):
+        World.from_image("mpa.pgm", 0.05)
     Path("map.yaml").touch()
     with pytest.raises(MapError, match=advice + "; or give map.yaml, which states it"):
         World.from_file("map.pgm")
