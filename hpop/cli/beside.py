@@ -1,7 +1,7 @@
-"""Background processes of ``hpop plan``: one serves the page of the running search, another draws pictures.
+"""Background processes of ``hpop plan``: for the page of the running search, for pictures, and for compiling kernels.
 
-Drawing takes seconds of Python, which would slow down the search or delay the prompt after Ctrl-C. Both processes read
-only the saved front and the user's own code.
+Drawing takes seconds of Python, which would slow down the search or delay the prompt after Ctrl-C. The processes of
+page and pictures read only the saved front and the user's own code.
 
 The page of ``hpop plan --web`` is served to this machine only, by :mod:`hpop.cli.live_server`. The command opens the
 port before the search begins, and notifies the server of each saved front. The server ends with the command.
@@ -17,12 +17,12 @@ import secrets
 import socket
 import sys
 from collections.abc import Sequence
-from contextlib import suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from pathlib import Path
 from subprocess import DEVNULL, PIPE, Popen, TimeoutExpired
 from threading import Timer
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import hpop
 from hpop import cli, runtime
@@ -31,10 +31,38 @@ from hpop.errors import OutputError
 from hpop.runtime import matplotlib_folder
 from hpop.runtime.interrupts import interrupts_held
 
+if TYPE_CHECKING:
+    from hpop.planners import Planner
+    from hpop.problems.problem import Problem
+    from hpop.search.machinery.beside import Onset
+
 TOKEN = "HPOP_LIVE_TOKEN"  # environment variable of the server
 HOST = "127.0.0.1"  # reachable from this machine only
 WAITING = 64  # requests that may wait until the server is ready
 LAST = 20.0  # s to wait until the last front is shown
+
+
+def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractContextManager[Onset | None]:
+    """Return a context in which background processes compile the code (kernels) that the planners' exact searches need.
+
+    Kernels that are cached are not compiled again. Compiling begins after the first early result if the first planner
+    yields one, else at once. The value of the context is the :class:`.Onset`, which says when, or None if no planner
+    needs kernels.
+    """
+    # Imported here, as in all commands: these modules are heavy.
+    from hpop.criteria.base import index_of_role
+    from hpop.planners.objectives import edge_objectives
+    from hpop.search.machinery.beside import Onset, compiling_beside
+    from hpop.search.pareto_paths import main_kernels
+
+    searching = [planner for planner in planners if planner.needs_kernels]
+    if not searching:
+        return nullcontext()
+    criteria = edge_objectives(problem.criteria, searching[0].name).optimised
+    turns = index_of_role("turns", criteria)
+    onset = Onset.AFTER_FIRST if planners[0].answers_in_stages else Onset.AT_ONCE
+    aggregates = ["max" if criterion.aggregate == "max" else "sum" for criterion in criteria]
+    return compiling_beside(aggregates, -1 if turns is None else turns, onset, main_kernels)
 
 
 class LivePage:

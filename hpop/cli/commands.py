@@ -22,7 +22,7 @@ from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
 from hpop.cli.batching import batch
-from hpop.cli.beside import LivePage, PicturesBeside
+from hpop.cli.beside import LivePage, PicturesBeside, kernels_beside
 from hpop.cli.driving import drive
 from hpop.cli.exporting import export, ride, ros
 from hpop.cli.listing import look, new
@@ -122,7 +122,6 @@ def plan(
     runtime.interrupts.collect_rarely()
     from hpop.motions import collision_of
     from hpop.planners.base import sweeps
-    from hpop.planners.searches.kernels import kernels_beside
     from hpop.search.machinery.beside import Onset
 
     cli.user_code.register(imports)

@@ -14,7 +14,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray
 from hpop.criteria.base import Criterion, index_of_role
 from hpop.goals import Goal
-from hpop.goals.sight import hidden_share, sees_target
+from hpop.goals.approach import hidden_share, sees_target
 from hpop.models.rigid import field_of_view, height_varies
 from hpop.motions import HOLD, States
 from hpop.world.sight import sight_in_space

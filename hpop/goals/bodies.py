@@ -19,10 +19,9 @@ from hpop.base.math import cross, dot, hypot, norm, wrap
 from hpop.base.options import LEAST, MOST, Angle, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import QueryError
-from hpop.goals.approach import Approach
+from hpop.goals.approach import Approach, sees_target
 from hpop.goals.base import REACHED, goal
 from hpop.goals.region import DEGREE, Place, Region, checked_angle, checked_numbers, checked_place, written
-from hpop.goals.sight import sees_target
 from hpop.motions import Pose, States, Twist, Vector
 
 if TYPE_CHECKING:

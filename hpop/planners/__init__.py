@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hpop.planners.programs.smoothing.planner import Smoothing as Smoothing
     from hpop.planners.programs.spline.planner import Spline as Spline
     from hpop.planners.roadmap import Roadmap as Roadmap
-    from hpop.planners.rrt.planner import RRT as RRT
+    from hpop.planners.rrt import RRT as RRT
     from hpop.planners.searches.exact import Exact as Exact
     from hpop.planners.weighted_sum import WeightedSum as WeightedSum
 

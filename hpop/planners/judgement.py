@@ -23,8 +23,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.goals import GoalSet
-from hpop.goals.approach import misses_line
-from hpop.goals.sight import reached_in
+from hpop.goals.approach import misses_line, reached_in
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
 from hpop.runtime.status import Status

@@ -21,8 +21,8 @@ from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.planners.base import Candidates
 from hpop.planners.needs import people_move
-from hpop.planners.programs.retiming.profile import Discomfort, Profiles
-from hpop.planners.programs.retiming.stretches import Coordinates, PathStretch, coordinates_of, stretches_of
+from hpop.planners.programs.speed_profiles import Discomfort, Profiles
+from hpop.planners.programs.stretches import Coordinates, PathStretch, coordinates_of, stretches_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as evaluated_front

@@ -15,8 +15,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import Visit, in_stop
 from hpop.goals import Tour
-from hpop.goals.approach import misses_line
-from hpop.goals.sight import reached_in
+from hpop.goals.approach import misses_line, reached_in
 from hpop.models.execution import clearance_radius
 from hpop.motions import Motions, States, collision_of, free_along
 from hpop.motions.states import Values

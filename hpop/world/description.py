@@ -65,8 +65,8 @@ class FromFiles:
 
     @staticmethod
     def from_movingai(path: str | Path, *, resolution: float = 1.0) -> World:
-        """Read a grid map of the MovingAI benchmark; see `hpop.world.readers.movingai.read`."""
-        return readers.movingai.read(path, resolution=resolution)
+        """Read a grid map of the MovingAI benchmark; see `hpop.world.readers.image.read_movingai`."""
+        return readers.image.read_movingai(path, resolution=resolution)
 
     @staticmethod
     def from_geojson(

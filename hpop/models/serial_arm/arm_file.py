@@ -13,8 +13,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.text import shown
 from hpop.errors import did_you_mean
-from hpop.models.serial_arm.attached import AttachedObject
-from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
+from hpop.models.serial_arm.chain import ArmPart, AttachedObject, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.checks import (
     invalid_limit_notes,
     missing_collision_notes,

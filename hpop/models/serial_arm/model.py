@@ -20,8 +20,7 @@ from hpop.models.base import model
 from hpop.models.files import is_record, record, without_paths
 from hpop.models.rigid import FieldOfView, checked_field_of_view
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
-from hpop.models.serial_arm.attached import attached_objects
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers, pairs_apart
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, attached_objects, frames, levers, pairs_apart
 from hpop.models.serial_arm.checks import (
     SLOWEST,
     checked_mapping,

@@ -31,7 +31,7 @@ from hpop.problems.named_rows import stop_visits, visit_order
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Status
 from hpop.view.explorer import along
-from hpop.view.explorer.corners import MILLIMETRES, Packer, corners, millimetres
+from hpop.view.explorer.along import MILLIMETRES, Packer, corners, millimetres
 from hpop.view.ground import View, view_of
 from hpop.view.marks import camera_ends, targets_by_name
 from hpop.view.style import Heights, marks, quantities

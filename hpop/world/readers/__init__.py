@@ -10,7 +10,6 @@ if TYPE_CHECKING:  # imported on first use: readers build worlds, and a world re
     from hpop.world.readers import geojson as geojson
     from hpop.world.readers import image as image
     from hpop.world.readers import moveit_scene as moveit_scene
-    from hpop.world.readers import movingai as movingai
     from hpop.world.readers import ros_map as ros_map
     from hpop.world.readers.readers import read_world, reader_of
 

@@ -23,14 +23,14 @@ from hpop.base.text import shown
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.runtime.limits import LimitPassed
 from hpop.world.files import named
-from hpop.world.readers import drawing, geojson, image, moveit_scene, movingai, point_cloud, ros_map
+from hpop.world.readers import drawing, geojson, image, moveit_scene, point_cloud, ros_map
 from hpop.world.world import World
 
 readers.add("dxf", drawing.read_dxf)
 readers.add("geojson", geojson.read)
 readers.add("image", image.read)
 readers.add("moveit_scene", moveit_scene.read)
-readers.add("movingai", movingai.read)
+readers.add("movingai", image.read_movingai)
 readers.add("pdf", drawing.read_pdf)
 readers.add("point_cloud", point_cloud.read)
 readers.add("ros_bag", ros_map.read_bag)

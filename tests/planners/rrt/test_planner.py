@@ -15,8 +15,8 @@ from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
 from hpop.planners import RRT, Lattice
 from hpop.planners.judgement import judge
-from hpop.planners.rrt.planner import TreeRun
-from hpop.planners.rrt.query import Base, TreeQuery, WheelLimits, close_gap
+from hpop.planners.rrt import TreeRun
+from hpop.planners.rrt_query import Base, TreeQuery, WheelLimits, close_gap
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
@@ -279,7 +279,7 @@ def test_a_tree_that_still_grows_when_time_is_up_is_dropped(monkeypatch):
     wall = World.from_polygons([shapely.box(2.6, 0, 3.0, 5)], extent=shapely.box(0, 0, 6, 5))
     problem = Problem(wall, ROBOT, (1, 1, 0), (5, 1, 0), ["length"])
     clock = count(1e9)
-    monkeypatch.setattr("hpop.planners.rrt.planner.time", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.planners.rrt.time", lambda: float(next(clock)))
     candidates = RRT(runs=2, max_extensions=100_000, time_limit=50.0).solve(problem)
     assert next(clock) < 1e9 + 120
     assert candidates.status is Status.TIME_LIMIT
@@ -303,7 +303,7 @@ def test_ctrl_c_keeps_what_is_finished(at, several):
 def test_trajectories_that_collide_are_dropped_and_counted(monkeypatch):
     """A run that believes itself free, straight through the wall."""
     through = np.array([[0.25, 0.0, 4.0], [0.0, 0.0, 0.0], [-0.25, 0.0, 4.0]])
-    monkeypatch.setattr("hpop.planners.rrt.planner.run", lambda query, seed: TreeRun(through, "", 1))
+    monkeypatch.setattr("hpop.planners.rrt.run", lambda query, seed: TreeRun(through, "", 1))
     candidates = RRT(runs=3).solve(PROBLEM)
     assert candidates.trajectories == ()
     assert candidates.stats["dropped"] == {"collides": 3}

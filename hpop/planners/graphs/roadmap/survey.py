@@ -12,8 +12,8 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
+from hpop.goals.approach import reached_in
 from hpop.goals.region import sampled_space
-from hpop.goals.sight import reached_in
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides
 from hpop.planners.graphs.roadmap.links import START

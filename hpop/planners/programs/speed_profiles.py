@@ -31,7 +31,7 @@ import scipy.sparse as sp
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
-from hpop.planners.programs.retiming.stretches import PathStretch
+from hpop.planners.programs.stretches import PathStretch
 
 ROUNDS = 12  # largest number of programs for one profile with a limit of jerk
 GAIN = 1e-4  # share of the cost: a smaller gain of a round ends the rounds

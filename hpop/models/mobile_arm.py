@@ -22,7 +22,7 @@ from hpop.models.differential_drive import DifferentialDrive, OnBase
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.joints import legs_of_joints
 from hpop.models.laws import Run, cruise_speed
-from hpop.models.mobile_arm.collision import (
+from hpop.models.mobile_collision import (
     PLATFORM,
     BaseAndLinks,
     KeepingLinks,

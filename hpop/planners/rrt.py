@@ -26,7 +26,7 @@ from hpop.planners.graphs.roadmap.headings import checked_ends
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane, on_wheels, one_goal, start_of
 from hpop.planners.objectives import Objectives, edge_objectives
-from hpop.planners.rrt.query import NEAR, STEP, Base, TreeQuery, close_gap, of_wheels
+from hpop.planners.rrt_query import NEAR, STEP, Base, TreeQuery, close_gap, of_wheels
 from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 # OMPL grows the tree (LaValle and Kuffner 2001, "Randomized kinodynamic planning") by drives with constant, random
-# wheel accelerations; :mod:`hpop.planners.rrt.query` defines how the robot moves and when it is free. A state counts as
+# wheel accelerations; :mod:`hpop.planners.rrt_query` defines how the robot moves and when it is free. A state counts as
 # at the goal if braking from it ends near the goal. The braking is appended, and the remaining gap is closed.
 
 
@@ -218,7 +218,7 @@ class RRT:
 
     This is the baseline of the user study of Becerra et al. 2020 (arXiv 2002.10696), which does not say how its trees
     grow. Here OMPL grows them (Sucan, Moll and Kavraki 2012), by drives with random wheel accelerations
-    (:mod:`hpop.planners.rrt.query`). These are bounded so that the base keeps the model's speed, turn rate and
+    (:mod:`hpop.planners.rrt_query`). These are bounded so that the base keeps the model's speed, turn rate and
     accelerations; it never goes backwards.
 
     Accepts any criteria, at least one without memory. The planner treats the robot as the circle that it sweeps in

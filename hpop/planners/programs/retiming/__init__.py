@@ -1,1 +1,0 @@
-"""Speed profiles along a given path: convex programs in the square of the speed."""
