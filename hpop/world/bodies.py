@@ -268,7 +268,7 @@ class LinkRules:
             {str(link): scale_of(f"the scale of {shown(link)}", by) for link, by in data["scale"].items()},
             pairs,
             {str(name): _flag(allowed) for name, allowed in data["others"].items()},
-            tuple(dict(each) for each in data.get("attached", ())),
+            tuple(map(_attached, data.get("attached", ()))),
         )
 
 
@@ -280,6 +280,12 @@ def padding_of(what: str, given: Any) -> float:
 def scale_of(what: str, given: Any) -> float:
     """Check a scale of a link and return it; MapError, which calls it ``what``, if it is none."""
     return float(real(what, given, LEAST, MOST, "a factor", error=MapError))
+
+
+def _attached(given: Any) -> dict[str, Any]:
+    if not isinstance(given, Mapping) or not all(isinstance(given.get(key), str) for key in ("name", "link")):
+        raise MapError(f"an object attached to a link must be a mapping with name and link; got {shown(given)}.")
+    return dict(given)
 
 
 def _flag(given: Any) -> bool:

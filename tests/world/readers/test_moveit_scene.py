@@ -15,6 +15,7 @@ from hpop.errors import MapError
 from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
 from hpop.world import Box, Cylinder, Hull, Sphere, World
+from hpop.world.bodies import LinkRules
 
 CUBE = [[x, y, z] for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 FACES = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6)]
@@ -106,6 +107,10 @@ def test_objects_attached_to_a_link_are_rules_for_arms_with_this_link(tmp_path):
     assert any("attaches objects to links" in note and "'cup 1' on 'hand'" in note for note in world.notes)
     assert World.from_description(world.describe()).link_rules == world.link_rules
     assert not [solid for solid in world.bodies if "cup" in solid.name]
+    rules = world.link_rules.describe()
+    for broken in ("cup", {"name": "cup"}, {"name": 3, "link": "hand"}):
+        with pytest.raises(MapError, match="attached to a link must be a mapping with name and link"):
+            LinkRules.build(rules | {"attached": [broken]})
 
 
 def test_all_40_scenes_of_the_benchmark_are_read_as_an_independent_reading_has_them(shared_data):
