@@ -10,6 +10,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.world.geometry._kernels import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
 
+LATER = -1  # the planes of a hull are sorted when a ray meets its box, but none of its balls
 BOX = 3  # most planes of a box that face a point outside it
 
 
@@ -93,6 +94,47 @@ def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[floa
     return True
 
 
+@lean
+def _is_clear(planes: FloatArray, first: int, o: tuple[float, ...]) -> bool:
+    """Return whether a point ``o`` is outside the box of a hull, its first six planes, by more than a touch."""
+    for k in range(first, first + 2 * BOX):
+        if planes[k, 3] - planes[k, 0] * o[0] - planes[k, 1] * o[1] - planes[k, 2] * o[2] < -2.0 * TOUCH:
+            return True
+    return False
+
+
+@lean
+def _meets_box(planes: FloatArray, first: int, o: tuple[float, ...], d: tuple[float, ...], reach: float) -> bool:
+    """Return whether a ray may enter the box of a hull before ``reach``, m; if not, `_enters` would say no, too."""
+    low, high = 0.0, reach
+    for k in range(first, first + 2 * BOX):
+        x, y, z = planes[k, 0], planes[k, 1], planes[k, 2]
+        gap, slant = planes[k, 3] - x * o[0] - y * o[1] - z * o[2], x * d[0] + y * d[1] + z * d[2]
+        if gap < 0.0:
+            if slant >= -PARALLEL:
+                return False
+            low = max(low, gap / slant)
+        elif slant > PARALLEL:
+            high = min(high, gap / slant)
+    return low <= high + TOUCH
+
+
+@lean
+def _enters_ball(
+    balls: FloatArray, first: int, last: int, o: tuple[float, ...], d: tuple[float, ...], reach: float
+) -> bool:
+    """Return whether a ray is in a ball inside a hull where it is nearest to the ball's centre, before ``reach``, m.
+
+    If it begins clear of the hull, `_enters` would say so, too, but looks at all planes.
+    """
+    for k in range(first, last):
+        x, y, z = balls[k, 0] - o[0], balls[k, 1] - o[1], balls[k, 2] - o[2]
+        along = x * d[0] + y * d[1] + z * d[2]
+        if 0.0 < along < reach and x * x + y * y + z * z - along * along < balls[k, 3] * balls[k, 3]:
+            return True
+    return False
+
+
 @kernel
 def blocked(
     planes: FloatArray,
@@ -101,6 +143,8 @@ def blocked(
     own_planes: FloatArray,
     own_begin: IntArray,
     own_rounds: FloatArray,
+    inner: FloatArray,
+    first_ball: IntArray,
     poses: FloatArray,
     origins: FloatArray,
     directions: FloatArray,
@@ -110,13 +154,15 @@ def blocked(
     """Write to out (N,) the fraction of rays from each origin (N, 3) that enter a body before ``reach`` (N, K), m.
 
     directions (N, K, 3): unit vectors. Bodies belong to the world, or to the robot ("own"). Each body of the
-    robot moves with a frame: poses (B, N, 4, 4). See `Surfaces` for planes, begin and rounds.
+    robot moves with a frame: poses (B, N, 4, 4). See `Surfaces` for planes, begin and rounds; inner and first_ball are
+    the balls in the hulls of the robot.
     """
     count, own_count = len(rounds), len(own_rounds)
     near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)
     balls, seen_from = np.empty((own_count, 8)), np.empty((own_count, 3))
     faces = np.empty((len(planes) + len(own_planes), 4))
     lists = np.empty((count + own_count, 3), np.int64)
+    ranges, sorted_ = np.empty((own_count, 3), np.int64), np.full(own_count, -1)  # of hulls with balls
     for n in range(len(origins)):
         o = (origins[n, 0], origins[n, 1], origins[n, 2])
         farthest = reach[n].max()
@@ -143,6 +189,10 @@ def blocked(
             b, place = near[i], count + near[i]
             at, along = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2]), _turned_back(poses[b, n], axis)
             lists[place, 0] = room
+            if first_ball[b + 1] > first_ball[b] and _is_clear(own_planes, own_begin[b], at):
+                lists[place, 0], some[kept] = LATER, place
+                kept += 1
+                continue
             lists[place, 1], lists[place, 2] = _faced(
                 own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
             )
@@ -168,8 +218,24 @@ def blocked(
                         at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
                         low, high = inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
                         hidden = low <= high and TOUCH < low < reach[n, k]
-                    else:
+                    elif lists[place, 0] != LATER:
                         hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
+                    else:
+                        at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
+                        if not _meets_box(own_planes, own_begin[b], at, d, reach[n, k]):
+                            continue
+                        hidden = _enters_ball(inner, first_ball[b], first_ball[b + 1], at, d, reach[n, k])
+                        if not hidden:
+                            if sorted_[b] != n:
+                                along = _turned_back(poses[b, n], axis)
+                                ranges[b, 0] = room
+                                ranges[b, 1], ranges[b, 2] = _faced(
+                                    own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
+                                )
+                                room, sorted_[b] = ranges[b, 2], n
+                            hidden = ranges[b, 2] > ranges[b, 0] and _enters(
+                                faces, ranges[b, 0], ranges[b, 1], ranges[b, 2], d, reach[n, k]
+                            )
                 if hidden:
                     hits += 1
                     some[0], some[i] = some[i], some[0]  # it is likely to block the next ray too

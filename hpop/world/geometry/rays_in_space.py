@@ -30,6 +30,10 @@ GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 CAST = 4096
 """Origins whose rays are cast together."""
 RAYS = "rays were cast"
+INNER = 1e-6
+"""Share by which balls inside hulls are smaller than they could be, and their least radius, m."""
+MOST_BALLS = 16
+"""Most balls inside a hull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,8 @@ class Surfaces:
     begin   (B + 1,)  index of each body's first plane
     rounds  (B, 8)    of each body: centre, m; axis of its cylinder (0, 0, 0 for a ball); radius of its cylinder or
                       ball (0 without one); radius of a ball round the centre that holds the body, m
+    balls   (C, 4)    balls inside the hulls: centre and radius, m; body by body, of each body the largest first
+    first   (B + 1,)  index of each body's first ball
 
     >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
     >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -50,19 +56,23 @@ class Surfaces:
     planes: FloatArray
     begin: IntArray
     rounds: FloatArray
+    balls: FloatArray
+    first: IntArray
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> Surfaces:
         """Build surfaces from solids in space."""
-        planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
+        planes, rounds, balls = [np.empty((0, 4))], [np.empty((0, 8))], [np.empty((0, 4))]
         for solid in solids:
             faces, centre, axis, radius, bound = _form(solid.shape)
             turned, place = solid.pose[:3, :3], solid.pose[:3, 3]
             normals = faces[:, :3] @ turned.T
             planes.append(np.column_stack([normals, faces[:, 3] + normals @ place]))
             rounds.append(np.array([[*(turned @ centre + place), *(turned @ axis), radius, bound]]))
-        begin = np.cumsum([len(part) for part in planes], dtype=np.int64)
-        return cls(np.concatenate(planes), begin, np.concatenate(rounds))
+            inner = _balls(faces) if isinstance(solid.shape, Hull) else np.empty((0, 4))
+            balls.append(np.column_stack([inner[:, :3] @ turned.T + place, inner[:, 3]]))
+        begin, first = (np.cumsum([len(part) for part in parts], dtype=np.int64) for parts in (planes, balls))
+        return cls(np.concatenate(planes), begin, np.concatenate(rounds), np.concatenate(balls), first)
 
     def __len__(self) -> int:
         return len(self.rounds)
@@ -94,7 +104,16 @@ class Surfaces:
         out = np.empty(len(origins))
         arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
         geometry._sight_in_space.blocked(
-            self.planes, self.begin, self.rounds, own.planes, own.begin, own.rounds, *arrays, out
+            self.planes,
+            self.begin,
+            self.rounds,
+            own.planes,
+            own.begin,
+            own.rounds,
+            own.balls,
+            own.first,
+            *arrays,
+            out,
         )
         return out
 
@@ -179,6 +198,19 @@ def over_disc(count: int) -> FloatArray:
     number = np.arange(count)
     distance, angle = np.sqrt((number + 0.5) / count), GOLDEN * number
     return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
+
+
+def _balls(planes: FloatArray) -> FloatArray:
+    """Return balls (C, 4) inside a hull, centre and radius, the largest first; its first six planes are its box."""
+    high, low = planes[:3, 3], -planes[3:6, 3]
+    longest = int(np.argmax(high - low))
+    steps = [np.linspace(-0.4, 0.4, 5) if k == longest else np.linspace(-0.25, 0.25, 3) for k in range(3)]
+    grid = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
+    centres = 0.5 * (high + low) + grid * (high - low)
+    radii = (1.0 - INNER) * (planes[:, 3] - centres @ planes[:, :3].T).min(axis=1)
+    order = np.argsort(-radii, kind="stable")[:MOST_BALLS]
+    balls: FloatArray = np.column_stack([centres, radii])[order[radii[order] > INNER]]
+    return balls
 
 
 def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:

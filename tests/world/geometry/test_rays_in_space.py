@@ -134,6 +134,28 @@ def test_the_share_of_blocked_rays_is_that_of_first_hits_of_solids_wherever_they
     assert 0.2 < found.mean() < 0.8
 
 
+@pytest.mark.seeds(3, of=40)
+def test_hulls_of_the_robot_block_rays_from_beside_them_as_first_hits_say(seed):
+    """From on, just off and far off their faces, to ends before, in and behind them."""
+    rng = np.random.default_rng(seed)
+    hulls = [Hull(rng.normal(size=(60, 3)) * rng.uniform(0.05, 0.5, 3) + rng.normal(size=3) * 0.4) for _ in range(3)]
+    own = Surfaces.of([Solid(hull, np.eye(4)) for hull in hulls])
+    corners = hulls[0].points[hulls[0].triangles]
+    faces = corners[rng.integers(len(corners), size=120)]
+    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    off = rng.choice([0.0, 1e-7, 3e-6, 1e-3, 0.3], size=(120, 1))
+    origins = np.einsum("nc,ncx->nx", rng.dirichlet((1, 1, 1), 120), faces) + off * normals
+    directions = rng.normal(size=(120, 20, 3)) * 0.3 - origins[:, None]
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    hits = own.first_hits(origins, directions, 9.0)
+    reach = np.where(rng.random(hits.shape) < 0.5, hits + rng.uniform(-0.05, 0.05, hits.shape), rng.random(hits.shape))
+    reach = np.minimum(reach, 8.0)
+    found = Surfaces.of([]).blocked(own, np.tile(np.eye(4), (3, 120, 1, 1)), origins, directions, reach)
+    np.testing.assert_array_equal(found, np.mean(hits < reach, axis=1))
+    assert 0.2 < found.mean() < 0.9
+
+
 def test_what_contains_the_origin_is_left_and_not_entered():
     eye = np.eye(4)
     shell = Surfaces.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])
