@@ -89,7 +89,10 @@ def test_a_reader_is_found_by_the_ending(tmp_path):
     named = {"a.geojson": "geojson", "b.DXF": "dxf", "c.pdf": "pdf", "d.PNG": "image", "e.yaml": "ros_map"}
     named |= {"f.map": "movingai", "g.mcap": "ros_bag"}
     assert {name: reader_of(name) for name in named} == named
-    assert reader_of(tmp_path) == "ros_bag"
+    for inside in ("metadata.yaml", "walk.mcap"):  # a folder of a ROS 2 bag
+        (tmp_path / inside).touch()
+        assert reader_of(tmp_path) == "ros_bag"
+        (tmp_path / inside).unlink()
     with pytest.raises(MapError, match=r"'plan.xyz': no reader .* give reader, one of dxf, geojson, image, .*endings"):
         World.from_file("plan.xyz")
     for path in (3, None, b"\x00"):
