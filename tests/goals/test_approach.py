@@ -207,6 +207,11 @@ def test_stops_and_tours_have_no_approach():
         asked("ready", tour={"stops": [{"name": "one", "goal": goal}]})
     with pytest.raises(QueryError, match="the goal of a tour cannot have an approach"):
         asked(goal, tour={"stops": [{"name": "one", "goal": ToolAt((0.4, 0.3, 0.6))}]}).solve("roadmap", samples=10)
+    head = hpop.PanTilt(base=hpop.DifferentialDrive(radius=0.2, camera_height=1.2))
+    world = World.from_polygons([], extent=shapely.box(0, 0, 4, 4))
+    look = CameraAt((2, 2, 1.2), approach={"distance": 0.3})
+    with pytest.raises(QueryError, match="pan_tilt cannot approach a goal along a line: only an arm can"):
+        hpop.Problem(world, head, (1, 1, 0, 0, 0), look, ["duration"]).solve("roadmap", samples=10)
     with pytest.raises((QueryError, ModelError), match="joints"):
         hpop.Problem(
             World.from_polygons([], extent=shapely.box(0, 0, 4, 4)),

@@ -12,7 +12,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.goals import GoalSet
-from hpop.goals.approach import reached_in
+from hpop.goals.approach import REACH, reached_in
 from hpop.goals.region import sampled_space
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.roadmap.guides import Connections, Guide, guides
@@ -197,6 +197,12 @@ def _approached(connections: Connections, problem: Problem, goals: States) -> tu
     every = problem.target.alternatives()
     if not any(each.straight is not None for each in every):
         return goals, ()
+    law = problem.model.laws.get(REACH)
+    if law is None or not law.varies <= set(problem.model.joints):
+        raise QueryError(
+            f"{problem.model.name} cannot approach a goal along a line: only an arm can, alone or on a base. Leave "
+            "approach out"
+        )
     if problem.tour is not None:
         raise QueryError("the goal of a tour cannot have an approach; leave the approach or the tour out")
     begins, follow = list[FloatArray](), list[FloatArray]()
