@@ -15,10 +15,11 @@ from hpop.goals.tour_stop import TourStop
 from hpop.motions import States
 from hpop.planners.graphs.arcs import BLOCK
 from hpop.planners.graphs.joined_ends import Ends, JoinedEnds
+from hpop.planners.graphs.run_speeds import with_run_speeds
 from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
-from hpop.planners.needs import elsewhere
+from hpop.planners.needs import elsewhere, people_move
 
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion
@@ -71,7 +72,11 @@ def tour_graph(ends: Ends, problem: Problem, tour: Tour, criteria: Sequence[Crit
     if empty := [i for i in tour.remaining if not members[i].size]:
         space = with_drawn_states(space, problem, [tour.stops[i] for i in empty])
     plain = ends.space
-    space, start, goals = with_speeds(ends._replace(space=space), problem.model, criteria)
+    whole = ends._replace(space=space)
+    if people_move(problem):
+        space, start, goals = with_run_speeds(whole, problem.model)
+    else:
+        space, start, goals = with_speeds(whole, problem.model, criteria)
     if space is not plain:
         members = tour_members(space, tour, problem.world)
     layered = TourGraph(

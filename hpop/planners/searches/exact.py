@@ -17,7 +17,7 @@ from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, OnGra
 from hpop.planners.graphs.query import Query, built_query, refuse_too_many, tolerance_counts
 from hpop.planners.graphs.timed.clock import HOLD, TimeOptions, needless
 from hpop.planners.judgement import evaluable_in_time, trusted
-from hpop.planners.needs import people_move, refuse_moving, refuse_speeds
+from hpop.planners.needs import people_move, refuse_moving
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.many_stops import fixed_stop_answers, fixes_stops, in_order_of_shortest
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
@@ -162,8 +162,6 @@ class ExactSearch:
         If ``in_stages``, early results come first.
         """
         moving, family = people_move(problem), self.family
-        if moving and problem.tour is not None:
-            refuse_speeds(problem, f"a tour of {self.name} among moving people")
         if self.max_detour is not None and problem.tour is not None and problem.tour.optional:
             raise OptionError(
                 "max_detour cannot be combined with optional stops of a tour: leave max_detour out, or set optional to "

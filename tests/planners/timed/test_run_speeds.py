@@ -14,7 +14,6 @@ import pytest
 import shapely
 
 import hpop
-from hpop.errors import QueryError
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.world import Person
@@ -148,8 +147,72 @@ def test_several_speeds_are_at_least_as_good_as_each_that_is_the_fastest() -> No
         assert (several.costs <= row + np.array([1.2 + 0.5, 1e-6])).all(axis=1).any()
 
 
-def test_a_tour_of_a_robot_with_several_speeds_among_people_is_refused() -> None:
-    tour = {"stops": [{"at": [1, 2], "within": 0.5}]}
-    problem = Problem(room(ANN), ROOMY, (0, 0, 0), (4, 0, None), ["duration"], tour=tour)
-    with pytest.raises(QueryError, match="a tour of lattice among moving people drives at one speed"):
-        problem.solve("lattice", step=0.5)
+@dataclass(frozen=True)
+class SpeedTour(SpeedCase):
+    """A query of a robot with two speeds, with one stop at a cell, for a dwell of ``dwell`` s or in passing."""
+
+    stop: tuple[int, int] = (1, 0)
+    dwell: float = 0.4
+    size: tuple[int, int] = (3, 2)
+    goal: tuple[int, int] = (2, 0)
+
+    @property
+    def problem(self) -> Problem:
+        plain = super().problem
+        at = [self.robot.step * i for i in self.stop]
+        tour = hpop.Tour([{"at": at, "within": 0.05, "dwell": self.dwell}])
+        return Problem(plain.world, plain.model, plain.start, plain.goal, self.criteria, tour=tour)
+
+    def plans(self) -> Iterator[tuple[tuple[float, ...], list[Motion]]]:
+        hold = None if self.hold is None else round(self.hold / self.robot.tick)
+        dwell = round(self.dwell / self.robot.tick)
+
+        def onward(
+            state: State, tick: int, motions: list[Motion], *, seen: bool, held: bool
+        ) -> Iterator[tuple[list[Motion], int]]:
+            column, row, heading = state
+            seen |= not dwell and state[:2] == self.stop
+            if state[:2] == self.goal and seen:
+                yield motions, tick
+                return
+            if dwell and not seen and state[:2] == self.stop and tick + dwell <= self.ticks:
+                yield from onward(state, tick + dwell, [*motions, ("hold", dwell)], seen=True, held=False)
+            dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
+            for number in (1, 2):
+                for count in range(1, max(self.size)):
+                    after = tick + 2 * number + count * self.lasts("move", number)
+                    to = (column + count * dx, row + count * dy)
+                    if after <= self.ticks and 0 <= to[0] < self.size[0] and 0 <= to[1] < self.size[1]:
+                        run = [("change", number), *[("move", number)] * count, ("change", number)]
+                        passed = {(column + i * dx, row + i * dy) for i in range(1, count + 1)}
+                        sees = seen or (not dwell and self.stop in passed)
+                        yield from onward((*to, heading), after, [*motions, *run], seen=sees, held=False)
+            for quarters in (1, -1, 2):
+                lasts = self.lasts("turn", quarters)
+                if tick + lasts <= self.ticks:
+                    turned = (column, row, (heading + quarters) % 4)
+                    yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], seen=seen, held=False)
+            if hold is not None and not held:
+                for lasts in range(hold, self.ticks - tick):
+                    yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], seen=seen, held=True)
+
+        for motions, ticks in onward(self.start, 0, [], seen=False, held=False):
+            yield self.costs(motions, ticks), motions
+
+
+@pytest.mark.seeds(1, of=30)
+def test_tours_are_those_of_all_runs_that_visit_the_stop(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    people = (person(*rng.uniform((0.3, 0.3), (1.1, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(1, 4)),)
+    stop = ((1, 0), (1, 1), (0, 1))[seed % 3]
+    case = SpeedTour(people, hold=(None, 1.0)[seed % 2], stop=stop, dwell=(0.4, 0.0)[seed // 2 % 2], ticks=24)
+    front = check(case)
+    for trajectory in front.trajectories:
+        run, at = trajectory.execution(), [ROBOT.step * i for i in stop]
+        times = np.arange(0.0, run.duration, 0.01)
+        states = run.at(times)
+        there = np.hypot(states.x - at[0], states.y - at[1]) < (1e-3 if case.dwell else 0.21)
+        assert there.any()
+        if case.dwell:
+            rests = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], there, [0]]))))[::2]
+            assert rests.max() * 0.01 >= case.dwell - 0.011
