@@ -16,6 +16,7 @@ from rich.text import Text
 from hpop.base.text import counted, printable
 from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
+from hpop.criteria.base import quantity_of
 from hpop.errors import OptionError, UnknownName
 from hpop.frontier import FrontError, UnknownColumnError, choices
 from hpop.frontier.choices import ColumnCondition
@@ -23,6 +24,8 @@ from hpop.preference import Preference
 from hpop.preference.posterior import NEAR
 from hpop.problems.front import FOR_YOU, Front, Point
 from hpop.problems.named_rows import named_rows
+
+REPORTED = " (reported)"
 
 
 @dataclass(frozen=True)
@@ -99,10 +102,12 @@ def print_picked(front: Front, choice: Picked, console: Console | None = None, *
         table.add_column(heading, justify="left" if heading == "unit" else "right", no_wrap=True)
     columns = [*zip(front.names, front.units, front.costs.T, front.quanta.tolist(), strict=True)]
     reported = zip(front.reported_names, front.reported_units, front.reported.T, strict=True)
-    columns += [(f"{name} (reported)", unit, values, 1e-6) for name, unit, values in reported]
+    columns += [(f"{name}{REPORTED}", unit, values, 1e-6) for name, unit, values in reported]
     for name, unit, values, quantum in columns:
         cells = [number(float(value), quantum) for value in (values[point.index], values.min(), values.max())]
-        table.add_row(Text(printable(name)), *cells, Text("" if unit == "1" else printable(unit)))
+        what = quantity_of(name.removesuffix(REPORTED), front.groups)
+        words = ", ".join(part for part in (what, "" if unit == "1" else unit) if part)
+        table.add_row(Text(printable(name)), *cells, Text(printable(words)))
     console.print(table)
     planner = point.provenance.get("planner")
     _say(console, f"planned by {planner}; {lasts}" if planner else lasts)

@@ -256,7 +256,7 @@ def header(name: str, unit: str, what: str = "") -> Text:
 def headers(front: Front) -> list[Text]:
     """Return the headers of a front's costs."""
     columns = zip(front.names, front.units, front.groups, strict=True)
-    return [header(name, unit, quantity_of(name, group)) for name, unit, group in columns]
+    return [header(name, unit, quantity_of(name, [group])) for name, unit, group in columns]
 
 
 def _labels(names: Sequence[str]) -> Text:
@@ -271,7 +271,12 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     for words in headers(front):
         table.add_column(words, justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
-        table.add_column(Text("reported\n") + header(name, unit), justify="right", style="dim", no_wrap=True)
+        table.add_column(
+            Text("reported\n") + header(name, unit, quantity_of(name, front.groups)),
+            justify="right",
+            style="dim",
+            no_wrap=True,
+        )
     if is_tour := any("visits" in front.provenance[row] for row in rows):
         table.add_column("stops", no_wrap=True)
     models = [front.trajectories[row].model for row in rows[:1]]

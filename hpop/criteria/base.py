@@ -18,7 +18,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from shlex import quote
 from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeVar, cast, get_args, runtime_checkable
 
@@ -248,15 +248,15 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     )
 
 
-def quantity_of(name: str, group: str) -> str:
-    """Return what the cost of a front measures if its name does not say it, such as "shortfall"; "" otherwise.
+def quantity_of(name: str, groups: Iterable[str]) -> str:
+    """Return what a column of a front measures if its name does not say it, such as "shortfall"; "" otherwise.
 
-    group  the cost's group in the front: a column that is no criterion's cost has none, and may have any name
+    groups  of the front's costs, or of one cost: costs that are no criterion's have none, and may have any name
     """
-    if not group or name not in criteria:
+    if not any(groups) or name not in criteria:
         return ""
     declared: Any = with_optional_members(criteria[name], CRITERION_DEFAULTS)
-    return str(declared.quantity) if declared.group == group else ""
+    return str(declared.quantity)
 
 
 def index_of_role(role: Role, criteria: Sequence[Criterion]) -> int | None:

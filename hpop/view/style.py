@@ -172,13 +172,13 @@ def quantities(front: Front) -> tuple[Quantity, ...]:
     costs = np.where(np.abs(front.costs) < 0.5 * np.array(front.quanta), 0.0, front.costs)
     whole = [unit == "1" and quantum == 1.0 for unit, quantum in zip(front.units, front.quanta, strict=True)]
     return tuple(
-        Quantity(printable(name), printable(unit), values, counts, quantity_of(name, group))
+        Quantity(printable(name), printable(unit), values, counts, quantity_of(name, [group]))
         for name, unit, values, counts, group in zip(
             front.names + front.reported_names,
             front.units + front.reported_units,
             np.hstack([costs, front.reported]).T,
             whole + [False] * len(front.reported_names),
-            [*front.groups, *[""] * len(front.reported_names)],
+            [*front.groups, *["".join(front.groups)] * len(front.reported_names)],
             strict=True,
         )
     )

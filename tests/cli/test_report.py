@@ -58,6 +58,8 @@ def test_a_cost_whose_name_reads_like_its_opposite_says_what_it_measures() -> No
     costs, names = [[0.0, 2.0, 1.0]], ("clearance", "passing_distance", "length")
     text = printed(front_of(costs, names, groups=["R", "C", "C"]))
     assert text.count("(shortfall, m)") == 2
+    also = {"reported": [[0.5]], "reported_names": ("openness",), "reported_units": ("1",)}
+    assert "(unseen share)" in printed(front_of(costs, names, groups=["R", "C", "C"], **also))
     assert "passing_distance" in text
     assert "shortfall" not in printed(front_of(costs, names))  # a table of costs from elsewhere has no groups
 
