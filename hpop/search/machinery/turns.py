@@ -133,8 +133,8 @@ class Groups:
             known: Self | None = graph.cache["groups", column]
             return known
         own = cls._computed(graph, column, clock)
-        if own is None:
-            graph.cache["groups", column] = None  # of graphs with groups the cache belongs to graphs that extend it
+        if own is None or (clock.budget.max_memory is None and own.nbytes <= CACHED):
+            graph.cache["groups", column] = own
         return own
 
     def _extended(self, graph: Graph, base: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
