@@ -226,6 +226,7 @@ def test_a_trajectory_a_file_and_a_table_are_one_motion(tmp_path):
     off = [np.abs(getattr(arms.motion.states(times), name) - getattr(way.at(times), name)) for name in work.joints]
     assert np.max(off) < 1e-4
     way.table(0.01, body="joints").to_csv(tmp_path / "work.csv")
+    (tmp_path / "work.csv").write_text("# a remark, as exports have it\n" + (tmp_path / "work.csv").read_text())
     read = hpop.TwoArms(work, arm6(base=BESIDE), tmp_path / "work.csv")
     assert read == arms
     assert make_model(json.loads(json.dumps(read.describe()))) == arms

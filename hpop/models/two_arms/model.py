@@ -42,7 +42,7 @@ class TwoArms(Model):
     work    working arm; or a trajectory of it, which is then its motion
     view    viewing arm, which carries the camera and is planned for; its ``base`` is its place in the world
     motion  motion of the working arm: a trajectory, a CSV file with the columns t and each joint (as written by
-            ``hpop pick --csv FILE --body joints``), or {"times": [...], "joints": {joint: [...]}}
+            ``hpop export FOLDER --body joints --format csv``), or {"times": [...], "joints": {joint: [...]}}
     step    s  motions and waits of the viewing arm begin and end at multiples of this time, made a little shorter so
                that the working arm's motion lasts a whole number of steps
 

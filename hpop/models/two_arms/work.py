@@ -143,12 +143,12 @@ def _columns(given: Any) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Return the columns of a CSV file, without units in their names and without rates and accelerations of joints."""
+    """Return the columns of a CSV file, without comments, units, and rates and accelerations of joints."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES / 1e6:g} MB")
         with path.open(newline="", encoding="utf-8-sig") as file:
-            names, *rows = csv.reader(file)
+            names, *rows = csv.reader(line for line in file if not line.startswith("#"))
     except (OSError, ValueError, csv.Error) as error:
         raise ModelError(f"cannot read the motion of the working arm from {shown(str(path))}: {error}") from None
     names = [name.partition("(")[0].strip() for name in names]
