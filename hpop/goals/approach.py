@@ -2,15 +2,14 @@
 
 The line ends where the body is at the end of the trajectory. States on it are found by inverse kinematics, each from
 the next one; motions between them are straight in joint space, not in space. So each motion is proved to stay near the
-line: along a motion with share s, position and orientation change at most by upper bounds V, m, and W, rad, per unit of
-s. If both are a distance within their tolerances at s, they are within them at all s' that are near enough. Intervals
-of s are tested in their middle; what this proves is cut out, and the rest is tested later (:func:`proved_along`).
+line: it is halved until upper bounds on how far each part moves and turns (``Model.extent``) are smaller than the rest
+of the tolerances in the middle of the part. This also holds for speed profiles along such motions.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
@@ -24,7 +23,7 @@ from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import Goal
 from hpop.goals.region import InverseKinematics, Region, checked_angle, checked_numbers, written
-from hpop.motions import Model, Motions, Pose, States, StateSpace, Twist, Vector
+from hpop.motions import HOLD, Model, Motions, Pose, States, StateSpace, Twist, Vector, laws_of
 from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.geometry.solids import Solid
 
@@ -80,26 +79,6 @@ SLACK = 0.02  # share of the tolerances: a motion is refused only if it comes ne
 PARTS = (1, 2, 4, 8, 16, 32)  # numbers of motions that are tried
 SURE = 4  # with so many motions, states that are not found are given up
 ON_LINE = 1e-7  # m, or of the body's axes: states at the ends of these motions are no farther from the line
-
-
-def proved_along(size: int, around: Callable[[IntArray, FloatArray], FloatArray]) -> BoolArray:
-    """Return which motions (M,) are proved to keep a condition all along, ends included.
-
-    around  function of motions (N,) and a share (N,) of each: by how much the share may change so that the condition
-            holds; 0 or less where it does not hold
-    """
-    kept = np.ones(size, dtype=bool)
-    owner, low, high = np.arange(size), np.zeros(size), np.ones(size)
-    while owner.size:
-        middle, half = 0.5 * (low + high), 0.5 * (high - low)
-        proved = around(owner, middle)
-        kept[owner[proved <= 0.0]] = False
-        open_ = kept[owner] & (proved < half)
-        owner, middle, proved = owner[open_], middle[open_], proved[open_]
-        low, high = low[open_], high[open_]
-        owner = np.concatenate([owner, owner])
-        low, high = np.concatenate([low, middle + proved]), np.concatenate([middle - proved, high])
-    return kept
 
 
 class ApproachRows(NamedTuple):
@@ -187,8 +166,14 @@ class Approach:
                 ]
             strayed[left] = False
             strayed[left[there]] = True
-            begin, end = (states[there, part].reshape(-1, states.shape[2]) for part in (slice(-1), slice(1, None)))
-            near = self._stays(model, world, line, np.repeat(left[there], count), *map(sought.states, (begin, end)))
+            begin, end = (
+                sought.states(states[there, part].reshape(-1, states.shape[2])) for part in (slice(-1), slice(1, None))
+            )
+            legs = list(model.connect(begin, end))
+            reaches = Motions(world, model, model.laws[REACH], begin, legs[-1].end)
+            near = self._stays(reaches, line, np.repeat(left[there], count))
+            for leg in legs:
+                near &= (leg.kind == REACH) | ~np.asarray(leg.present)
             found = there[near.reshape(-1, count).all(axis=1)]
             for i in found.tolist():
                 rows[left[i]] = states[i]
@@ -213,39 +198,48 @@ class Approach:
         last = size
         while last and near[last] and not begins[last]:
             last -= 1
-        motions = np.arange(last, size)
-        straight = {REACH, *(pace.get(REACH) for pace in model.paces)}
-        if not size or not begins[last] or not straight.issuperset(trajectory.kinds[last:]):
+        reach = model.laws.get(REACH)
+        if not size or not begins[last] or reach is None:
             return None
-        start, end = states.take(motions), states.take(motions + 1)
-        return last if self._stays(model, world, line, owner[motions], start, end).all() else None
+        kinds = np.array(trajectory.kinds[last:], dtype=object)
+        for kind in {*kinds.tolist()} - {HOLD.kind}:
+            motions = last + np.flatnonzero(kinds == kind)
+            law = laws_of(model)[kind]
+            if not reach.varies.issuperset(law.varies.intersection(model.space.names)):
+                return None
+            names = (*model.space.names, *law.extra)
+            start, end = (
+                States(**{name: getattr(trajectory.states, name)[at] for name in names})
+                for at in (motions, motions + 1)
+            )
+            if not self._stays(Motions(world, model, law, start, end), line, owner[motions]).all():
+                return None
+        return last
 
-    def _stays(self, model: Model, world: World, line: _Line, owner: IntArray, begin: States, end: States) -> BoolArray:
-        """Return which reaches (M,) between states are proved to stay near a line; ``owner`` (M,) says near which."""
-        if not owner.size:
-            return np.zeros(0, dtype=bool)
-        legs = list(model.connect(begin, end))
-        direct = ~np.any([leg.present for leg in legs if leg.kind != REACH] or [np.zeros(owner.size, bool)], axis=0)
-        stop, law = legs[-1].end, model.laws[REACH]
-        metres, radians = (
-            np.broadcast_to(np.asarray(bound, float), owner.shape)
-            for bound in model.extent(Motions(world, model, law, begin, stop))
-        )
+    def _stays(self, motions: Motions, line: _Line, owner: IntArray) -> BoolArray:
+        """Return which motions (M,) of a law are proved to stay near a line; ``owner`` (M,) says near which.
 
-        def around(motions: IntArray, share: FloatArray) -> FloatArray:
-            first, last = begin.take(motions), stop.take(motions)
-            names = model.space.names
-            at = States(**{
-                n: law.interpolate(n, first, last, share) if n in law.varies else getattr(first, n) for n in names
+        Motions are halved until each part moves and turns less than the tolerances leave in its middle.
+        """
+        world, model, law, start, end = motions.world, motions.model, motions.law, motions.start, motions.end
+        kept, motion = np.ones(start.size, dtype=bool), np.arange(start.size)
+        while motion.size:
+            middle = States(**{
+                n: law.interpolate(n, start, end, np.full(motion.size, 0.5)) if n in law.varies else getattr(start, n)
+                for n in start.names
             })  # fmt: skip
-            off, turned, _ = line.errors(owner[motions], model.pose(self.body, at))
+            off, turned, _ = line.errors(owner[motion], model.pose(self.body, middle))
             room, angle = self.tolerance - off, self.angle - turned
-            with np.errstate(divide="ignore", invalid="ignore"):
-                proved = np.minimum(room / metres[motions], angle / radians[motions])
-            inside = (room >= SLACK * self.tolerance) & (angle >= SLACK * self.angle) & direct[motions]
-            return np.where(inside, np.nan_to_num(proved, nan=np.inf, posinf=np.inf), 0.0)
-
-        return proved_along(owner.size, around)
+            kept[motion[(room < SLACK * self.tolerance) | (angle < SLACK * self.angle)]] = False
+            metres, radians = model.extent(Motions(world, model, law, start, end))
+            part = np.flatnonzero(kept[motion] & ((metres > room) | (radians > angle)))
+            start, middle, end, motion = start.take(part), middle.take(part), end.take(part), motion[part]
+            start, end = (
+                States(**{n: np.concatenate([getattr(first, n), getattr(second, n)]) for n in start.names})
+                for first, second in ((start, middle), (middle, end))
+            )
+            motion = np.concatenate([motion, motion])
+        return kept
 
 
 @dataclass(frozen=True, eq=False)

@@ -155,6 +155,20 @@ def test_a_base_stands_while_its_arm_approaches():
     begin = goal.straight.begin(trajectory, world)
     assert heights[begin] == pytest.approx(heights[-1] + 0.1, abs=1e-6)
     assert np.ptp(trajectory.states.x[begin:]) == 0
+    profiles = hpop.retime(problem, trajectory, points=1)
+    assert verify(hpop.Problem.from_description(profiles.problem), profiles) == []
+
+
+@pytest.mark.parametrize("jerk", [None, 40.0], ids=["any jerk", "limited jerk"])
+def test_a_speed_profile_and_a_pause_leave_the_approach_straight(jerk):
+    problem = asked(ToolAt(ABOVE, approach=DOWN))
+    path = problem.solve("roadmap", samples=40).trajectories[0]
+    front = hpop.retime(problem, path, points=2, jerk=jerk)
+    assert verify(hpop.Problem.from_description(front.problem), front) == []
+    for trajectory in front.trajectories:
+        assert last_metres(trajectory, 0.1, lambda turned: np.array([0, 0, -1.0]))[0] <= 0.001
+    paused = path.with_hold(at=len(path) - 1, seconds=2.0)
+    assert problem.goal.straight.begin(paused, SHELF) == problem.goal.straight.begin(path, SHELF)
 
 
 def test_only_the_alternative_that_asks_for_it_is_approached():

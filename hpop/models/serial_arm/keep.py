@@ -10,7 +10,7 @@ test (:mod:`hpop.models.serial_arm.certificate`).
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar, cast
@@ -22,7 +22,6 @@ from hpop.base.math import cross, dot, norm, not_radians
 from hpop.base.options import Degrees, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.goals.approach import proved_along
 from hpop.goals.region import InverseKinematics, Region
 from hpop.models.serial_arm.chain import Chain
 from hpop.models.serial_arm.collision import ArmCollision
@@ -173,6 +172,26 @@ class KeptAxis(Region):
             return np.where(margin < SLACK, 0.0, proved)
 
         return proved_along(size, around)
+
+
+def proved_along(size: int, around: Callable[[IntArray, FloatArray], FloatArray]) -> BoolArray:
+    """Return which motions (M,) are proved to keep a condition all along, ends included.
+
+    around  function of motions (N,) and a share (N,) of each: by how much the share may change so that the condition
+            holds; 0 or less where it does not hold
+    """
+    kept = np.ones(size, dtype=bool)
+    owner, low, high = np.arange(size), np.zeros(size), np.ones(size)
+    while owner.size:
+        middle, half = 0.5 * (low + high), 0.5 * (high - low)
+        proved = around(owner, middle)
+        kept[owner[proved <= 0.0]] = False
+        open_ = kept[owner] & (proved < half)
+        owner, middle, proved = owner[open_], middle[open_], proved[open_]
+        low, high = low[open_], high[open_]
+        owner = np.concatenate([owner, owner])
+        low, high = np.concatenate([low, middle + proved]), np.concatenate([middle - proved, high])
+    return kept
 
 
 def _fastest(law: Law, name: str, start: States, end: States) -> FloatArray:
