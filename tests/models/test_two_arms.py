@@ -269,3 +269,15 @@ def test_a_target_that_no_body_has_is_refused():
     with pytest.raises(CriterionError, match="or the name of a body"):
         make_criterion({"look_at": {"target": 7}})
     assert hpop.Problem(TABLE, arm6(), "home", "ready", [{"look_at": {"target": "tool"}}])
+
+
+def test_a_scene_that_attaches_objects_to_links_is_refused(tmp_path):
+    """The links of both arms may have one name, so a scene does not say which arm holds its objects."""
+    thing = {"id": "cup", "primitives": [{"type": "box", "dimensions": [0.05, 0.3, 0.05]}]}
+    scene = {"robot_state": {"attached_collision_objects": [{"link_name": "tool", "object": thing}]}}
+    block = {"id": "b", "primitives": [{"type": "box", "dimensions": [0.1] * 3}], "pose": {"position": [5, 5, 0]}}
+    scene["world"] = {"collision_objects": [block]}
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene))
+    world, arms = hpop.World.from_moveit_scene(tmp_path / "scene.yaml"), two_arms()
+    with pytest.raises(ModelError, match=r"do not take the objects that a scene attaches to links \('cup'\)"):
+        hpop.Problem(world, arms, "home", "home", ["duration"])

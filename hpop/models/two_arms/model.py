@@ -236,6 +236,15 @@ class TwoArms(Model):
 
     # Collision tests
 
+    def with_scene(self, world: World) -> TwoArms:
+        """Return this model; raise ModelError if the scene attaches objects to links, as links of which arm is open."""
+        if names := ", ".join(repr(each["name"]) for each in world.link_rules.attached):
+            raise ModelError(
+                f"two arms do not take the objects that a scene attaches to links ({names}); remove them from the "
+                "scene, and give them to the arm that holds them, with its option attached or SerialArm.holding"
+            )
+        return self
+
     def collision(self, world: World) -> TwoArmsCollision:
         """Return the collision test for planning, with proofs for whole motions of both arms."""
         return TwoArmsCollision(self, world)
