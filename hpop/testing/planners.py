@@ -199,6 +199,9 @@ class _Bare:
     def __getattr__(self, name: str) -> Any:
         return getattr(self.__dict__["model"], name)
 
+    def with_scene(self, world: World) -> _Bare:
+        return _Bare(self.model.with_scene(world))
+
     @property
     def provides(self) -> frozenset[str]:
         return self.model.provides & {"base", "camera"}

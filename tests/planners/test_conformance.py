@@ -41,13 +41,16 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def models_here() -> dict[str, Any]:
-    """Return hpop's models, arms among them, and those of the example plugin."""
+    """Return hpop's models, arms among them, and those of the example plugin.
+
+    "two_arms" is left out: it needs the motion of another arm, and has tests of its own.
+    """
     sys.path.insert(0, str(PLUGIN))
     try:
         importlib.import_module("hpop_example_plugin.holonomic")
     finally:
         sys.path.remove(str(PLUGIN))
-    names = [name for name, cls in models.items() if cls.__module__.startswith("hpop")]
+    names = [name for name, cls in models.items() if cls.__module__.startswith("hpop") and name != "two_arms"]
     arms = {"serial_arm": arm6(tip="forearm"), "mobile_arm": MobileArm(arm6(tip="forearm", base=ON_TOP))}
     return {name: arms[name] if name in arms else make_model(name) for name in names}
 
