@@ -438,15 +438,16 @@ BESIDE = (
     *("passing_distance", "personal_space", "enclosure", "rotation_time"),
 )
 IN_PROOF = {*ALIKE, *ELSEWHERE, *IN_SPACE, *FEWER, *BESIDE}
-JUMPS = {"occlusion"}  # see below
+JUMPS = {"occlusion", "energy"}  # see below
 PROVED = [
     pytest.param(name, marks=pytest.mark.proof) if name in IN_PROOF else name for name in NAMES if name not in JUMPS
 ]
 
 
-def test_the_share_of_blocked_rays_jumps():
-    """At the corner of an obstacle near the target. The criterion's reference says so."""
-    assert {check.claim for check in conformance(own_criterion("occlusion")) if check.fault} == {SMOOTH_RATE}
+@pytest.mark.parametrize("name", sorted(JUMPS))
+def test_two_criteria_have_a_rate_that_jumps(name):
+    """Blocked rays at the corner of an obstacle near the target, and energy where a wheel begins to turn backwards."""
+    assert {check.claim for check in conformance(own_criterion(name)) if check.fault} == {SMOOTH_RATE}
 
 
 @pytest.mark.parametrize("name", PROVED)
