@@ -21,13 +21,12 @@ from hpop import __version__, cli, examples, runtime
 from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
-from hpop.cli.batching import batch
 from hpop.cli.beside import LivePage, PicturesBeside, kernels_beside
-from hpop.cli.driving import drive
 from hpop.cli.exporting import export, ride, ros
 from hpop.cli.listing import look, new
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
+from hpop.cli.running import batch, drive
 from hpop.cli.saved import pick, retime, show
 from hpop.cli.studying import study
 from hpop.cli.terminal import (

@@ -14,8 +14,8 @@ import hpop
 from hpop import cli, problems
 from hpop.base.text import counted
 from hpop.cli import results
-from hpop.cli.batching import is_batch, print_summary
 from hpop.cli.results import PAGE, SAVED, loaded, problem_of
+from hpop.cli.running import is_batch, print_summary
 from hpop.cli.terminal import (
     echo,
     imports_option,

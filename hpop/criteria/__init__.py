@@ -15,17 +15,17 @@ from hpop.criteria.costs import motion_costs as motion_costs
 from hpop.criteria.costs import trajectory_cost as trajectory_cost
 
 if TYPE_CHECKING:
-    from hpop.criteria.comfort.acceleration import FeltAcceleration as FeltAcceleration
-    from hpop.criteria.comfort.acceleration import Jerk as Jerk
-    from hpop.criteria.comfort.acceleration import SpeedChanges as SpeedChanges
-    from hpop.criteria.comfort.acceleration import SquaredAcceleration as SquaredAcceleration
+    from hpop.criteria.comfort.motion import CameraLength as CameraLength
+    from hpop.criteria.comfort.motion import FeltAcceleration as FeltAcceleration
+    from hpop.criteria.comfort.motion import HeadingMismatch as HeadingMismatch
+    from hpop.criteria.comfort.motion import Jerk as Jerk
+    from hpop.criteria.comfort.motion import Length as Length
+    from hpop.criteria.comfort.motion import MeanHeadingMismatch as MeanHeadingMismatch
+    from hpop.criteria.comfort.motion import SpeedChanges as SpeedChanges
+    from hpop.criteria.comfort.motion import SquaredAcceleration as SquaredAcceleration
     from hpop.criteria.comfort.optic_flow import OpticFlow as OpticFlow
     from hpop.criteria.comfort.optic_flow import PassingDistance as PassingDistance
     from hpop.criteria.comfort.optic_flow import PeakOpticFlow as PeakOpticFlow
-    from hpop.criteria.comfort.path import CameraLength as CameraLength
-    from hpop.criteria.comfort.path import HeadingMismatch as HeadingMismatch
-    from hpop.criteria.comfort.path import Length as Length
-    from hpop.criteria.comfort.path import MeanHeadingMismatch as MeanHeadingMismatch
     from hpop.criteria.comfort.rotation import AngularAcceleration as AngularAcceleration
     from hpop.criteria.comfort.rotation import CameraRoll as CameraRoll
     from hpop.criteria.comfort.rotation import NetWinding as NetWinding

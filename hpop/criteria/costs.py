@@ -220,7 +220,7 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
 
     Raises CriterionError for an unknown name, a quantum that is not positive, and a quantum other than 1 for a count.
 
-    >>> from hpop.criteria.comfort.path import Length
+    >>> from hpop.criteria.comfort.motion import Length
     >>> with_quanta([Length()], {"length": 0.001})[0].quantum, Length().quantum
     (0.001, 1e-06)
     """
@@ -257,7 +257,7 @@ def stand_in_of(mean: Criterion) -> Criterion | None:
 def quanta_statement(criteria: Sequence[Criterion], quanta: Mapping[str, float]) -> str:
     """Return a text on the quanta that the user has set, to be appended to a front's certificate; "" if none.
 
-    >>> from hpop.criteria.comfort.path import Length
+    >>> from hpop.criteria.comfort.motion import Length
     >>> quanta_statement(with_quanta([Length()], {"length": 0.001}), {"length": 0.001})
     '; quanta as set: length 0.001 m'
     """

@@ -10,7 +10,7 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.criteria.base import criterion, index_of_role
-from hpop.criteria.comfort.path import Length
+from hpop.criteria.comfort.motion import Length
 from hpop.criteria.comfort.rotation import Turns
 from hpop.planners.programs.epsilon_constraint.grid import Roles
 

@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.criteria.comfort.path import Length
+from hpop.criteria.comfort.motion import Length
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.performance.surroundings import Exposure, Obstruction
 from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError, UnknownName

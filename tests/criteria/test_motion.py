@@ -1,23 +1,191 @@
-"""Acceleration of the camera, its square, jerk, and changes of speed."""
+"""Motion of base and camera: lengths of paths, angle between view and motion, acceleration, jerk, changes of speed."""
 
 from __future__ import annotations
 
 import math
 
+import casadi
 import numpy as np
 import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.criteria import FeltAcceleration, Jerk, SpeedChanges, SquaredAcceleration, trajectory_cost
+import hpop
+from hpop.base.math import angle_between
+from hpop.criteria import (
+    CameraLength,
+    FeltAcceleration,
+    HeadingMismatch,
+    Jerk,
+    Length,
+    MeanHeadingMismatch,
+    SpeedChanges,
+    SquaredAcceleration,
+    motion_costs,
+    trajectory_cost,
+)
 from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.models.driven import driven
-from hpop.motions import States
+from hpop.motions import Motions, States
+from hpop.motions.symbolic import lift
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
+from tests.jointed import Jointed, agrees_everywhere, camera_at, tour
+
+WORLD_LENGTH = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
+ROBOT = DifferentialDrive(camera_offset=(0.5, 0.2))
+points = st.lists(st.tuples(st.floats(-9, 9), st.floats(-9, 9)), min_size=1, max_size=6)
+
+
+@given(points)
+def test_length_is_that_of_the_polyline_through_the_positions(where):
+    trajectory = Trajectory.from_poses(ROBOT, [(x, y, 0.3) for x, y in where])
+    expected = shapely.LineString(where).length if len(where) > 1 else 0.0
+    assert trajectory_cost(Length(), trajectory, WORLD_LENGTH) == pytest.approx(expected, abs=1e-9)
+    assert trajectory_cost(Length(), trajectory.execution(), WORLD_LENGTH) == pytest.approx(expected, abs=1e-5)
+
+
+def test_turning_in_place_has_no_length_though_the_camera_swings():
+    trajectory = Trajectory.from_poses(ROBOT, [(0, 0, 0), (0, 0, np.pi / 2)])
+    assert trajectory_cost(Length(), trajectory, WORLD_LENGTH) == 0.0
+
+
+def test_length_is_a_comfort_criterion_in_metres():
+    assert (Length.group, Length.unit, Length.aggregate, Length.smooth) == ("C", "m", "sum", True)
+
+
+WORLD_CAMERA_LENGTH = hpop.World.from_polygons([], extent=shapely.box(-5, -5, 5, 5))
+
+
+def test_in_a_hand_it_is_the_length_of_the_places_one_after_another():
+    trajectory = tour(Jointed())
+    place, _ = camera_at(trajectory, np.linspace(0, trajectory.duration, 1_001))
+    expected = np.linalg.norm(np.diff(place, axis=1), axis=0).sum()
+    assert agrees_everywhere(CameraLength(), Jointed(), WORLD_CAMERA_LENGTH) == pytest.approx(expected, rel=1e-4)
+
+
+def test_a_turn_of_the_base_swings_a_camera_beside_its_axis():
+    model = hpop.DifferentialDrive(camera_offset=(0.3, -0.4))
+    walk = hpop.Trajectory.from_poses(model, [(0, 0, 0), (2, 0, 0), (2, 0, 1.2)])
+    assert trajectory_cost(CameraLength(), walk, WORLD_CAMERA_LENGTH) == pytest.approx(2.0 + 0.5 * 1.2)
+
+
+def test_what_it_declares():
+    assert (CameraLength.group, CameraLength.unit, CameraLength.aggregate) == ("C", "m", "sum")
+
+
+WORLD_HEADING_MISMATCH = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
+SQUARE = [(0, 0, 0), (3, 0, np.pi / 2), (3, 4, np.pi / 2)]  # 3 m east, 4 m north
+
+
+def driving(*poses, **robot):
+    return Trajectory.from_poses(DifferentialDrive(speed=0.5, **robot), poses)
+
+
+def cost(trajectory, criterion=None):
+    return trajectory_cost(criterion or HeadingMismatch(), trajectory, WORLD_HEADING_MISMATCH)
+
+
+def test_who_looks_where_she_is_driven_pays_nothing():
+    assert cost(driving(*SQUARE)) == pytest.approx(0.0, abs=1e-12)
+    curve = driven(DifferentialDrive(), (0, 0, 0.3), [(1, 0.6, 1), (0, -1, 2), (-1, 0.2, 1)])
+    assert cost(curve) == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("view_yaw", [0.0, 0.4, -2.5, 9.0])
+def test_a_view_that_stays_pays_the_angle_to_each_way_for_as_long_as_it_lasts(view_yaw):
+    off = [abs(np.angle(np.exp(1j * (heading - view_yaw)))) for heading in (0.0, np.pi / 2)]
+    path = driving(*SQUARE, view="unwound", view_yaw=view_yaw)
+    expected = off[0] * 3 / 0.5 + off[1] * 4 / 0.5
+    assert cost(path) == pytest.approx(expected, rel=1e-9)
+    assert cost(path, MeanHeadingMismatch()) == pytest.approx(expected / path.duration, rel=1e-9)
+
+
+def test_a_turn_about_the_camera_moves_it_nowhere_and_one_beside_it_swings_it_sideways():
+    poses = [(0, 0, 0), (0, 0, 2.0)]
+    assert cost(driving(*poses)) == 0.0
+    # 0.2 m ahead of the axis it goes to the left: a right angle, while it is faster than slow; the turn itself lasts
+    # 2 / 1.5 + 1.5 / 3 s, of which it is slower than 0.1 m/s, 0.5 rad/s, for 1/6 s at either end, half of that counted.
+    swung = driving(*poses, camera_offset=(0.2, 0.0))
+    assert cost(swung) == pytest.approx(np.pi / 2 * (2 / 1.5 + 1.5 / 3 - 1 / 6), rel=1e-2)
+
+
+def test_a_motion_slower_than_slow_counts_in_proportion():
+    path = driving((0, 0, 0), (1, 0, 0), view="unwound", view_yaw=np.pi)
+    for slow, share in ((0.5, 1.0), (1.0, 0.5), (5.0, 0.1)):
+        assert cost(path, HeadingMismatch(slow=slow)) == pytest.approx(share * np.pi * 1 / 0.5, rel=1e-9)
+
+
+def test_the_angle_is_one_in_space():
+    down = np.array([np.cos(0.6)]), 0.0, np.array([-np.sin(0.6)])
+    v = np.array([0.3])
+    for velocity, angle in (
+        ((v, 0.0, 0.0), 0.6),
+        ((0.0, v, 0.0), np.pi / 2),
+        ((0.0, 0.0, v), np.pi / 2 + 0.6),
+        ((0.0 * v, 0.0 * v, 0.0), 0.0),
+    ):
+        assert angle_between(down, velocity) == pytest.approx([angle])
+    rng = np.random.default_rng(0)
+    one, other = rng.normal(size=(2, 3, 50))
+    one /= np.linalg.norm(one, axis=0)
+    expected = np.arccos(np.sum(one * other, axis=0) / np.linalg.norm(other, axis=0))
+    np.testing.assert_allclose(angle_between(tuple(one), tuple(other)), expected, atol=1e-9)
+
+
+def test_on_symbols_it_has_the_values_and_the_gradient_of_numbers():
+    model = DifferentialDrive(view="unwound", view_yaw=0.3)
+    ends = np.array([1.0, 0.4, -0.7, 0.9])  # x, y of two moves from the origin
+
+    def of(columns):
+        zeros = 0.0 * columns[0]
+        start = States(x=zeros, y=zeros, yaw=zeros)
+        return Motions(
+            WORLD_HEADING_MISMATCH, model, model.laws["move"], start, States(x=columns[0], y=columns[1], yaw=zeros)
+        )
+
+    def number(e):
+        return motion_costs(HeadingMismatch(), of((e[::2], e[1::2]))).sum()
+
+    x, y = casadi.MX.sym("x", 2), casadi.MX.sym("y", 2)
+    total = casadi.sum1(casadi.MX(HeadingMismatch().cost(of((lift(x, 2), lift(y, 2))))))
+    f = casadi.Function("f", [x, y], [total, casadi.gradient(total, x), casadi.gradient(total, y)])
+    value, gx, gy = (np.array(part).ravel() for part in f(ends[::2], ends[1::2]))
+    assert value == pytest.approx(number(ends), rel=1e-9)
+    steps = 1e-6 * np.eye(4)
+    slopes = np.array([(number(ends + s) - number(ends - s)) / 2e-6 for s in steps])
+    np.testing.assert_allclose(np.stack([gx, gy], axis=1).ravel(), slopes, rtol=1e-5)
+
+
+def test_the_mean_stands_for_its_integral():
+    assert MeanHeadingMismatch(0.2).integral == HeadingMismatch(0.2)
+    assert (HeadingMismatch.unit, HeadingMismatch.aggregate) == ("rad s", "sum")
+    assert (MeanHeadingMismatch.unit, MeanHeadingMismatch.aggregate) == ("rad", "time-mean")
+
+
+@pytest.mark.parametrize("slow", [0.0, -1.0, np.nan, np.inf])
+def test_bad_parameters_are_named(slow):
+    with pytest.raises(CriterionError, match="slow must be a speed"):
+        HeadingMismatch(slow=slow)
+
+
+@pytest.mark.parametrize(("angle", "rate", "change"), [(0.138, 2.1, 7.25), (0.02, 1.5, 3.0), (2.0, 0.3, 0.5)])
+def test_a_camera_that_a_turn_swings_round_counts_by_its_speed_on_ramps_too(angle, rate, change):
+    """From rest r alpha t rises to 0.1 m/s, counted in proportion; view and swing keep their angle."""
+    ahead, left = -0.25, 0.49
+    robot = DifferentialDrive(turn_rate=rate, turn_acceleration=change, camera_offset=(ahead, left))
+    turn = Trajectory.from_poses(robot, [(0, 0, 0), (0, 0, angle)])
+    ramp = min(rate / change, math.sqrt(angle / change))
+    cruise = (angle - change * ramp**2) / rate
+    radius = math.hypot(ahead, left)
+    slow = min(ramp, 0.1 / (radius * change))
+    counted = 2 * (radius * change * slow**2 / 0.2 + ramp - slow) + cruise * min(radius * change * ramp / 0.1, 1)
+    expected = abs(math.atan2(ahead, -left)) * counted
+    assert cost(turn) == pytest.approx(expected, rel=2e-3)
+
 
 WORLD_FELT_ACCELERATION = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
 ROBOT_FELT_ACCELERATION = DifferentialDrive(speeds=(0.5, 1.0))
