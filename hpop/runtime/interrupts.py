@@ -22,8 +22,6 @@ from contextlib import contextmanager, suppress
 from functools import cache
 from types import FrameType
 
-from hpop.base.registry import criteria, goals, models, planners, readers
-
 # Signals that ask a process to end: after a batch job's time, or when the terminal closes. Some systems lack SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 SIGNALS = (signal.SIGINT, *ENDING)  # on the command line, the signals ENDING act like Ctrl-C
@@ -133,6 +131,9 @@ def stop_collecting() -> None:
     There are two exceptions. A file that a user's plugin has left open may have lines that are written only when the
     file object is collected. And the library ``COUNTING`` would print the number of objects that were not collected.
     """
+    # Imported here: the registry imports importlib.metadata, a tenth of the start of the command line.
+    from hpop.base.registry import criteria, goals, models, planners, readers
+
     has_plugins = any(registry.own() for registry in (criteria, goals, models, planners, readers))
     if not has_plugins and COUNTING not in sys.modules:
         gc.freeze()
