@@ -204,7 +204,7 @@ def test_a_pan_tilt_head_is_carried_by_a_base_that_slides(robot, monkeypatch):
     monkeypatch.setattr("hpop.testing.models.PAIRS", 4)
     head = hpop.PanTilt(base=robot(), pan=(-1.5, 1.5), tilt=(-0.4, 0.4))
     assert head.provides == {"base", "camera", "plane", "joints"}
-    assert set(head.laws) == {"slide", "glide", "pan", "tilt", "swivel", "nod"}
+    assert set(head.laws) == {"slide", "glide", "pan", "tilt", "swivel", "nod", "swivel_ramp", "nod_ramp"}
     assert head.space.weights[3:] == pytest.approx(
         (1.0 / 1.5, 1.0)
     )  # m that the base slides while the head turns 1 rad

@@ -10,7 +10,7 @@ import shapely
 
 import hpop
 from hpop.base.registry import criteria
-from hpop.criteria import others
+from hpop.criteria.others import zones
 from hpop.planners.lattice import Lattice
 from hpop.runtime import limits
 from hpop.world import Field, World
@@ -50,8 +50,8 @@ class Counted:
 def hall() -> World:
     boxes = [shapely.box(3, 0, 3.5, 3), shapely.box(5, 2, 6, 2.5)]
     world = World.from_polygons(boxes, extent=shapely.box(0, 0, 8, 6))
-    zones = [Zone("speed", shapely.box(0, 0, 8, 6), limit=0.5), Zone("one-way", PATH.buffer(0.5), path=PATH)]
-    return world.with_content(landmarks=[Landmark(1.0, 5.0), Landmark(7.0, 3.0)], zones=zones)
+    areas = [Zone("speed", shapely.box(0, 0, 8, 6), limit=0.5), Zone("one-way", PATH.buffer(0.5), path=PATH)]
+    return world.with_content(landmarks=[Landmark(1.0, 5.0), Landmark(7.0, 3.0)], zones=areas)
 
 
 def pose(world: World) -> Any:
@@ -66,8 +66,8 @@ MAKE: dict[str, Callable[[World], Any]] = {
     "landmarks all round": lambda world: landmarks_unseen(world, pose(world), near=1.0, far=5.0),
     "landmarks in view": lambda world: landmarks_unseen(world, pose(world), near=1.0, far=5.0, fov=1.0),
     "bearings": lambda world: bearings(world, 1.2).layers(0.1),
-    "speed limits": lambda world: [area.values for _, area in others.speed_limits(world)],
-    "flows": lambda world: [part.values for flow in others.one_way_flows(world) for part in flow],
+    "speed limits": lambda world: [area.values for _, area in zones.speed_limits(world)],
+    "flows": lambda world: [part.values for flow in zones.one_way_flows(world) for part in flow],
 }
 
 

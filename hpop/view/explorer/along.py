@@ -334,7 +334,7 @@ def words(criterion: Criterion) -> str:
 
     >>> from hpop.criteria import Clearance, Length, Turns
     >>> words(Length()), words(Turns()), words(Clearance())
-    ('m a second', 'count a second', 'm at the time')
+    ('m a second', 'count a second', 'shortfall, m at the time')
     """
     counts = criterion.unit == "1" and criterion.quantum == 1.0
     unit = label("", criterion.unit, counts, criterion.quantity).strip(" ()")

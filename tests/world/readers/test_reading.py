@@ -105,11 +105,7 @@ READ: dict[str, Callable[[Path], list[object]]] = {
 
 @pytest.fixture(autouse=True)
 def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
-    for module, size in (
-        ("geojson_document", SIDE),
-        ("image", 5 * SIDE),
-        ("movingai", 5 * SIDE),
-    ):
+    for module, size in (("geojson_document", SIDE), ("image", 5 * SIDE)):
         monkeypatch.setattr(f"hpop.world.readers.{module}.BLOCK", size)
 
 
