@@ -86,7 +86,7 @@ print(*planners, *criteria)
 
 @pytest.mark.parametrize("known", [criteria, planners, models])
 def test_what_comes_with_hpop_is_called_as_its_class_is(known):
-    """By which it is imported alone; the word for its kind may follow, as in LookAtCriterion."""
+    """Lazy imports find a class by its name, after which the word for its kind may follow, as in LookAtCriterion."""
     for name, cls in known.items():
         if cls.__module__.startswith("hpop."):
             letters = name.replace("-", "").replace("_", "")

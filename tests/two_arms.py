@@ -1,4 +1,4 @@
-"""Two arms of the tests, and where pinocchio and coal say that they are: an independent account of both."""
+"""Two arms for tests, and their poses and shapes by pinocchio and coal, as an independent oracle."""
 
 from __future__ import annotations
 

@@ -251,7 +251,9 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
 def quantity_of(name: str, groups: Iterable[str]) -> str:
     """Return what a column of a front measures if its name does not say it, such as "shortfall"; "" otherwise.
 
-    groups  of the front's costs, or of one cost: costs that are no criterion's have none, and may have any name
+    name    of the column
+    groups  groups of the front's costs, or of one of them. Without any group the costs are of no criterion, even if one
+            has this name; "" is returned then
     """
     if not any(groups) or name not in criteria:
         return ""

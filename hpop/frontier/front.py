@@ -416,4 +416,4 @@ class ItemFront(Choices[T], Generic[T]):
             raise FrontFileError(f"{path}: expected a front, but {error!s:.600}") from error
 
 
-__getattr__ = on_first_use(__name__, {}, former={"Front": "ItemFront"})  # of pickled fronts
+__getattr__ = on_first_use(__name__, {}, former={"Front": "ItemFront"})  # former name, in pickles

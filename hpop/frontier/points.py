@@ -136,4 +136,4 @@ class ItemPoint(Generic[T]):
         return f"<Point {self.index} of its front: {costs}{more}; {shown(self.item)}>"
 
 
-__getattr__ = on_first_use(__name__, {}, former={"Point": "ItemPoint"})  # of pickled points
+__getattr__ = on_first_use(__name__, {}, former={"Point": "ItemPoint"})  # former name, in pickles

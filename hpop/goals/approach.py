@@ -2,8 +2,8 @@
 
 The line ends where the body is at the end of the trajectory. States on it are found by inverse kinematics, each from
 the next one; motions between them are straight in joint space, not in space. So each motion is proved to stay near the
-line: it is halved until upper bounds on how far each part moves and turns (``Model.extent``) are smaller than the rest
-of the tolerances in the middle of the part. This also holds for speed profiles along such motions.
+line: it is halved until upper bounds on how far each part moves and turns (``Model.extent``) are smaller than what is
+left of the tolerances in the middle of the part. This also holds for speed profiles along such motions.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ SMALLEST = 1e-4  # m and rad: smallest tolerances
 TOLERANCE, ANGLE = 2e-3, math.radians(2)
 SLACK = 0.02  # share of the tolerances: a motion is refused only if it comes nearer than this to one of them
 PARTS = (1, 2, 4, 8, 16, 32)  # numbers of motions that are tried
-SURE = 4  # with so many motions, states that are not found are given up
+SURE = 4  # with at least so many motions, an end without states on the line is given up
 ON_LINE = 1e-7  # m, or of the body's axes: states at the ends of these motions are no farther from the line
 
 
@@ -113,7 +113,10 @@ class Approach:
 
     @classmethod
     def from_spec(cls, body: str, given: Any) -> Approach:
-        """Check a mapping with distance, axis or direction (the body's x axis by default), tolerance and angle."""
+        """Return the approach that a mapping describes: distance, axis or direction, tolerance, angle.
+
+        Without axis and direction, the body moves along its x axis. Raises QueryError for another mapping.
+        """
         if not isinstance(given, Mapping) or "distance" not in given or not set(given) <= set(KEYS):
             raise QueryError(
                 f"{FORM}(0, 0, -1)}}, and may have tolerance (m) and angle (rad) as well; got {shown(given)}"
@@ -157,7 +160,7 @@ class Approach:
         left, strayed = np.arange(ends.size), np.zeros(ends.size, dtype=bool)
         for count in PARTS:
             states = np.repeat(given[left, None], count + 1, axis=1)  # (L, count + 1, n)
-            there = np.arange(left.size)  # those of them with states on the line so far
+            there = np.arange(left.size)  # rows of `left` that have states on the line so far
             for i in reversed(range(count)):
                 aims = line.frames(left[there], self.distance * (count - i) / count)
                 states[there, i] = sought.descend(states[there, i + 1], aims, aims)
@@ -184,7 +187,7 @@ class Approach:
         return ApproachRows(rows, strayed)
 
     def begin(self, trajectory: Trajectory, world: World) -> int | None:
-        """Return the motion with which the approach of a trajectory begins; None if its end is no straight approach.
+        """Return the index of the first motion of a trajectory's straight approach; None if it does not end with one.
 
         All motions from there on are proved to stay within the tolerances.
         """
@@ -244,7 +247,7 @@ class Approach:
 
 @dataclass(frozen=True, eq=False)
 class _Line:
-    """ApproachRows of the approaches to N states.
+    """Lines along which a body approaches N states.
 
     frame  (N, 9)  position, m, and the axes ahead and left of the body at the end of each line
     along  (N, 3)  unit vector of each line
@@ -256,7 +259,7 @@ class _Line:
 
     @classmethod
     def to(cls, approach: Approach, model: Model, ends: States) -> _Line:
-        """Return the lines to states (N,)."""
+        """Return the lines that end at states (N,)."""
         pose, size = model.pose(approach.body, ends), ends.size
         frame = _columns((pose.x, pose.y, pose.z, *pose.ahead, *pose.left), size)
         way = approach.direction or (0.0, 0.0, 0.0)
@@ -272,9 +275,10 @@ class _Line:
         return frames
 
     def errors(self, owner: IntArray, pose: Pose) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the distance of poses (M,) from their lines, m, the angle to the orientation there, rad, and m behind.
+        """Return how far poses (M,) are from their lines, as three arrays (M,).
 
-        The last is how far behind the end of the line the body is. ``owner`` (M,) says which line belongs to each pose.
+        They are the distance from the line, m, the angle to the orientation at its end, rad, and the distance behind
+        its end along the line, m. ``owner`` (M,) says which line belongs to each pose.
         """
         place, ahead, left = ((*self.frame[owner, 3 * i : 3 * i + 3].T,) for i in range(3))
         along = (*self.along[owner].T,)
@@ -305,7 +309,7 @@ class _Frame(Region):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return no useful bounds: each row has its own."""
+        """Placeholders for the bounds: each row has its own, which callers pass."""
         return np.zeros(9), np.zeros(9)
 
     @property
@@ -337,9 +341,9 @@ class _JointsMove(InverseKinematics):
 
 
 def split(goal: Goal, trajectory: Trajectory, world: World) -> int:
-    """Return the motion with which a trajectory begins the straight approach that its goal requires.
+    """Return the index of the motion with which a trajectory begins the straight approach that its goal requires.
 
-    This is the number of its motions if the goal requires none.
+    The number of motions is returned if the goal requires none, or if the trajectory does not end with one.
     """
     every = [each.straight for each in goal.alternatives() if each.straight is not None]
     last = trajectory.states.take([-1])

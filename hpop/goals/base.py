@@ -177,7 +177,7 @@ class GoalSet(GoalDefaults):
 @goal("anywhere")
 @dataclass(frozen=True)
 class Anywhere(GoalDefaults):
-    """Goal of a robot whose states have a time: any state, at the end of the motion that it watches."""
+    """Goal of a robot whose states have a time (two_arms): any state, at the end of the working arm's motion."""
 
     name: ClassVar[str]
 
@@ -191,7 +191,7 @@ class Anywhere(GoalDefaults):
         return "anywhere"
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return ``count`` random states (n,) at the last time."""
+        """Return ``count`` random states (n,) at the last time, not checked for collisions."""
         space = problem.model.space
         drawn = space.sample(rng, checked_count(count))
         last = np.full(drawn.size, space.high[-1])

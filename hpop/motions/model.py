@@ -339,23 +339,24 @@ class Wheeled(Model, Protocol):
 
 
 class ModelInTime(Model, Protocol):
-    """Model that provides "time": its last state is the time, s, as something else moves that it cannot influence.
+    """Model that provides "time", for a robot beside something that moves as given; the last state is the time, s.
 
-    Every trajectory begins at time 0 and ends at the largest time of the space. Its first states are those of the
-    timeless model; others are 0 where the robot rests. ``connect`` ends a motion later than wanted if that is too soon.
+    Every trajectory begins at time 0 and ends at the largest time of the space. The first states are those of the
+    timeless model. States between them and the time are 0 where the robot rests. If the wanted end is too soon,
+    ``connect`` ends the motion later.
     """
 
     @property
     def timeless(self) -> Model:
-        """Model of the robot alone, whose states are the others."""
+        """Model of the robot alone, without the time; its states are the first ones of this model."""
 
     @property
     def step(self) -> float:
-        """Longest time step, s: motions begin and end at multiples of it."""
+        """Longest time step, s. Motions begin and end at multiples of a step, which is at most as long."""
 
     @property
     def watched(self) -> str:
-        """Name of the body that the camera is there to watch."""
+        """Name of the body that the camera should watch."""
 
 
 class _Name:

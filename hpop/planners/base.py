@@ -145,7 +145,8 @@ class Planner(Protocol):
     goal_sets          whether the goal may be a list of states, to reach any of them
     any_goal           whether the goal may be of any kind (:class:`hpop.goals.Goal`)
     tours              whether the planner can visit the stops of a tour (:class:`hpop.Tour`)
-    speeds             whether the planner chooses among the speeds of a model that has several (``speed_classes``)
+    speeds             whether the planner chooses among the speeds of a model that has several (``speed_classes`` or
+                       ``paces``)
     margin             m  distance that the robot keeps from people
     max_detour         not None if the planner minimises a mean over time itself, rather than its integral; the front
                        then cannot be merged with fronts of other planners

@@ -72,16 +72,18 @@ def check(doing: str) -> None:
         limits.check(doing)
 
 
-SET_THREADS, GET_THREADS = (f"scipy_openblas_{verb}_num_threads64_" for verb in ("set", "get"))  # of NumPy's wheels
+SET_THREADS, GET_THREADS = (
+    f"scipy_openblas_{verb}_num_threads64_" for verb in ("set", "get")
+)  # functions of the OpenBLAS in NumPy's wheels
 _ALONE = Lock()
 _inside = [0, 0]  # blocks of one_numpy_thread that are running, and the number of threads before the first of them
 
 
 @contextmanager
 def one_numpy_thread() -> Iterator[None]:
-    """Limit NumPy's own OpenBLAS to one thread meanwhile, where its wheel has one.
+    """Limit NumPy's own OpenBLAS to one thread within a block of code; do nothing if NumPy has no OpenBLAS of its own.
 
-    For small matrices a second thread waits busily: it takes longer than the work.
+    For small matrices, a second thread is busy with waiting for longer than the work takes.
     """
     openblas = _openblas()
     if openblas is None:
@@ -103,7 +105,7 @@ def one_numpy_thread() -> Iterator[None]:
 
 @cache
 def _openblas() -> Any:
-    """Return NumPy's own OpenBLAS; None if its wheel has other linear algebra."""
+    """Return the OpenBLAS library in NumPy's wheel; None if NumPy uses another library of linear algebra."""
     try:
         found = ctypes.CDLL(import_module("numpy.linalg._umath_linalg").__file__)
     except (ImportError, OSError):

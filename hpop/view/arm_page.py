@@ -36,9 +36,9 @@ from hpop.world.geometry.solids import Shape
 
 SCHEMA, VERSION = "hpop-arm", 1
 DIGITS = 7
-"""Decimals of the lengths that distances are computed from, m."""
+"""Decimals of the lengths, m, from which the page computes distances."""
 SAMPLED, SHOWN = 100, 3
-"""States that are drawn of a goal which is no list of states; of these, so many are on the page."""
+"""Number of random states of a goal that does not list its states, and how many of them the page shows at most."""
 
 
 @checked_arguments
@@ -176,7 +176,7 @@ def _kept(arm: SerialArm, kept: KeptAxis) -> dict[str, Any]:
 
 
 def _states(problem: Problem) -> tuple[dict[str, Values], list[str]]:
-    """Return start and goals of a problem by name, and notes. A goal without listed states is sampled."""
+    """Return start and goals of a problem by name, and notes. A goal that does not list its states is sampled."""
     space, target = problem.model.space, problem.target
     states: dict[str, Values] = {"start": problem.start}
     if target.listed:

@@ -1,4 +1,4 @@
-"""The page of an arm: what it draws and calls a collision is so to coal; buttons, sliders and keys move the joints."""
+"""The page of an arm: coal confirms its shapes and collisions; buttons, sliders and keys move the joints."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def test_what_the_page_calls_a_collision_is_nearer_than_half_a_millimetre_to_coa
 
 
 def test_padding_held_objects_and_kept_axes_count(opened: Open, tmp_path: Path) -> None:
-    """As the planner, the page keeps the padding from obstacles, and tells an orientation that is not kept."""
+    """The page counts padding as the planner does, and says when an orientation is not kept."""
     arm = arm6(
         padding={"hand": 0.05},
         attached=[{"name": "cup", "link": "hand", "sphere": 0.04, "position": [0, 0, 0.2]}],

@@ -74,7 +74,7 @@ def test_pick_writes_joints(run: Run, tmp_path: Path) -> None:
 
 
 def test_show_checks_an_arm_by_coal(run: Run, tmp_path: Path) -> None:
-    """A box round a link on the way, of which the saved front knows nothing, is found."""
+    """A box around a link, which was not in the world when the front was planned, is found."""
     front().save(tmp_path / "front.json")
     result = run("show", tmp_path, "--judge", "coal")
     assert result.exit_code == 0, result.output

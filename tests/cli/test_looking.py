@@ -313,7 +313,7 @@ def test_look_writes_the_page_of_a_urdf_and_says_which_tip_it_took(
 def test_look_writes_the_page_of_an_arms_scenario_and_refuses_it_for_a_base(
     run: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The start is in the table: this is said of the start, and the page is there to see it."""
+    """The arm touches the table at its start: an error says so, and the page is written all the same."""
     monkeypatch.chdir(tmp_path)
     scenario = yaml.safe_load((ARM.parent / "arm_shelf.yaml").read_text())
     scenario["model"]["serial_arm"] |= {"urdf": str(ARM / "arm6.urdf"), "srdf": str(ARM / "arm6.srdf")}

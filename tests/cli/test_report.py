@@ -54,7 +54,7 @@ def printed(front: hpop.Front, width: int = 80, **more: object) -> str:
 
 
 def test_a_cost_whose_name_reads_like_its_opposite_says_what_it_measures() -> None:
-    """The registered name stays: it is what `--at-most` and `--least` take."""
+    """The table adds what is measured; the cost keeps its registered name, which `--at-most` and `--least` take."""
     costs, names = [[0.0, 2.0, 1.0]], ("clearance", "passing_distance", "length")
     text = printed(front_of(costs, names, groups=["R", "C", "C"]))
     assert text.count("(shortfall, m)") == 2

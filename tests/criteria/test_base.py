@@ -207,7 +207,7 @@ def test_an_unknown_requirement_lists_the_known_ones_and_proposes_the_nearest():
 
 
 def test_the_known_requirements_are_those_of_robots_and_worlds():
-    """So that a name that is provided is never called unknown."""
+    """The error on a requirement lists these names; without a provided one, it would call that name unknown."""
     robots = {"differential_drive": {}, "pan_tilt": {"base": "differential_drive"}}
     provided = set().union(*(make_model({name: given}).provides for name, given in robots.items()))
     assert provided <= set(ROBOT_NEEDS)

@@ -99,7 +99,7 @@ def test_a_path_that_comes_from_the_side_is_found_out():
 
 
 def test_what_is_proved_stays_near_the_line_and_what_is_refused_does_not():
-    """Chords of 1 to 3 parts of the line, and chords with a bent middle: 400 samples of each decide."""
+    """The motions skip states on the line, or pass beside them; 400 samples of each are the oracle."""
     goal = ToolAt(ABOVE, approach=TIPS)
     ends = goal.states(asked(goal), np.random.default_rng(1), 12)
     rough = Approach("tool", 0.12, (0.0, 0.0, 1.0), None, 0.0005, radians(0.5))

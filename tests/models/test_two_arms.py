@@ -19,7 +19,7 @@ from tests.two_arms import BESIDE, TABLE, camera_at, shapes_at, share_done, swee
 
 
 def motions_of(arms, count, seed, reach=1.0):
-    """Random motions of the viewing arm that begin at random times and take as long as they must, or longer."""
+    """Random motions of the viewing arm that begin at random times and take the least time, or longer."""
     rng = np.random.default_rng(seed)
     start = arms.space.sample(rng, count)
     end = {name: getattr(start, name) + reach * rng.uniform(-1, 1, count) for name in arms.joints}
@@ -45,7 +45,7 @@ def at(motions, share):
 
 
 def working(arms, time):
-    """Joint values of the working arm at a time."""
+    """Joint values of the working arm at a time, by linear interpolation between the given rows."""
     given = arms.motion.describe()
     return [np.interp(time, given["times"], column) for column in given["joints"].values()]
 
@@ -92,7 +92,7 @@ def test_a_motion_begins_and_ends_in_time_and_keeps_its_limits():
 
 
 def test_a_part_of_a_motion_is_a_motion():
-    """Cut at random times, a trajectory passes the states that it passed before, and costs what it cost."""
+    """Cutting a trajectory at random times changes neither the states that it passes nor its costs."""
     arms = two_arms()
     motions = motions_of(arms, 12, 6)
     criteria = [make_criterion(c) for c in ("rotation", {"look_at": {"target": "work_tool"}}, "joint_energy")]
@@ -204,7 +204,7 @@ def test_states_in_contact_are_named():
 
 
 def test_a_sliding_and_slanting_arm_is_placed_by_the_chain_through_both_as_by_its_own(tmp_path):
-    """The working arm has slides and no stops: the proof reads its chain backwards, the judge forwards."""
+    """The working arm has sliding joints and no end stops; the proof reads its chain backwards, the judge forwards."""
     work = crane(tmp_path, base=(0.3, 0.1, -0.2, 0.1, 0.2, 0.3))
     rows = work.space.sample(np.random.default_rng(4), 5)
     given = {"times": [0, 0.4, 0.9, 1.5, 2.0], "joints": {name: getattr(rows, name) for name in work.joints}}

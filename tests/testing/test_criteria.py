@@ -256,7 +256,7 @@ QUANTITIES = {
 
 @dataclass(frozen=True)
 class Limited(Base):
-    """A second costs more where a quantity exceeds a limit: at once, or ``gradually``."""
+    """Cost of 1 per second, and more where a quantity exceeds a limit: with a jump, or rising ``gradually``."""
 
     quantity: str
     limit: float
@@ -273,7 +273,7 @@ class Limited(Base):
 
 @dataclass(frozen=True)
 class Below(Base):
-    """Negative where a quantity is below a limit."""
+    """Faulty cost, negative where a quantity is below a limit."""
 
     quantity: str
     limit: float
@@ -446,7 +446,7 @@ PROVED = [
 
 @pytest.mark.parametrize("name", sorted(JUMPS))
 def test_two_criteria_have_a_rate_that_jumps(name):
-    """Blocked rays at the corner of an obstacle near the target, and energy where a wheel begins to turn backwards."""
+    """One counts blocked rays, which jump at an obstacle's corner; one is the energy, where a wheel turns backwards."""
     assert {check.claim for check in conformance(own_criterion(name)) if check.fault} == {SMOOTH_RATE}
 
 

@@ -119,7 +119,10 @@ class Robot:
 
     @property
     def farthest_tip(self) -> str:
-        """Link at the end of the most joints that move on their own; of several, the one after most fixed joints."""
+        """Link after the most moving joints; of several such links, that after the most joints of any kind.
+
+        Links after a joint that mimics another, or that another mimics, come last.
+        """
         mimicked = {joint.mimic.joint for joint in self.joints.values() if joint.mimic is not None}
 
         def length(link: str) -> tuple[int, int]:

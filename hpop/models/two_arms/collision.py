@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 BEND = 5e-4  # m: pieces are so short that the viewing arm is at most this far from a straight line in joint space
 PIECE = 0.05  # s, longest piece
-WORK = "work/"  # begins the names of the working arm's links and joints where both arms meet
+WORK = "work/"  # prefix of the names of the working arm's links and joints in the chain of both arms
 
 
 class BothArms(NamedTuple):
@@ -51,7 +51,7 @@ class BothArms(NamedTuple):
         """Return the chain through a working and a viewing arm with their solids; both chains begin in the world."""
         count, back = len(work), slice(None, None, -1)
         inverse = np.linalg.inv(work.origins)
-        first = np.concatenate([np.eye(4)[None], inverse[:0:-1]])  # the frame of each joint in the one before it
+        first = np.concatenate([np.eye(4)[None], inverse[:0:-1]])  # frame of each joint in the one before it
         origins = np.concatenate([first, view.origins])
         origins[count] = inverse[0] @ view.origins[0]
         columns: dict[str, Any] = {
@@ -97,8 +97,8 @@ class TwoArmsCollision:
     world  obstacles
 
     The viewing arm alone is tested as :class:`hpop.models.serial_arm.collision.ArmCollision` does. States and motions
-    that are free keep 0.5 mm from the working arm as well, all along; this is proved. A motion that is blocked comes
-    closer than some 2 mm to it. Contacts of the working arm with obstacles and with itself are not tested.
+    that are free keep 0.5 mm from the working arm as well, all along; this is proved. A motion that the working arm
+    blocks comes closer than some 2 mm to it. Contacts of the working arm with obstacles and with itself are not tested.
     """
 
     arms: TwoArms
@@ -125,14 +125,14 @@ class TwoArmsCollision:
 
     @checked_arguments
     def states_free(self, states: States) -> BoolArray:
-        """Return whether the viewing arm is free in each state (N,), and not in contact with the working arm."""
+        """Return whether the viewing arm is free in each state (N,), and keeps 0.5 mm from the working arm."""
         free: BoolArray = self._alone.states_free(self.arms.alone(states))
         rows = self._rows(states.take(free))
         free[free] = self._contacts(rows, rows, np.zeros_like(rows), KEPT, KEPT) < 0
         return free
 
     def motions_free(self, motions: Motions) -> BoolArray:
-        """Return whether the viewing arm is free all along each motion (M,), ends included."""
+        """Return whether the viewing arm is free all along each motion (M,), also of the working arm."""
         free: BoolArray = self._alone.motions_free(self.arms.motions_alone(motions))
         some = np.flatnonzero(free)
         pieces = self._pieces(self.arms.law, motions.start.take(some), motions.end.take(some))
@@ -170,7 +170,11 @@ class TwoArmsCollision:
     def _pieces(
         self, law: ReachInTime, start: States, end: States
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-        """Cut motions (M,) into pieces; return the motion of each piece (P,), its two ends and its bend (P, n)."""
+        """Cut motions (M,) into P pieces; return arrays with a row for each piece.
+
+        They are the index of its motion (P,), the joint values of both arms at its begin and at its end (P, n), and how
+        far each joint strays from an even change in between (P, n).
+        """
         lasts, joints = end.time - start.time, self.arms.view.joints
         ends = [[law.slopes(name, start, end, np.full(lasts.size, u))[1] for name in joints] for u in (0.0, 1.0)]
         bends = np.abs(ends).max(axis=0).T  # second derivatives are largest at the ends
@@ -190,7 +194,11 @@ class TwoArmsCollision:
     def _contacts(
         self, start: FloatArray, end: FloatArray, deviation: FloatArray, near: float, kept: float
     ) -> IntArray:
-        """Return the index of a pair of solids that touch in each motion (M,) of both arms, or -1."""
+        """Return for each piece (M,) the index of a pair of solids that come too near, or -1 if none do.
+
+        ``deviation`` (M, n) is how far each joint strays from an even change; ``near`` and ``kept``, m, are as for
+        :func:`hpop.models.serial_arm.certificate.blocked_by`.
+        """
         found = np.full(len(start), -1)
         for part in (slice(i, i + AT_ONCE) for i in range(0, len(start), AT_ONCE)):
             serial_arm.certificate.blocked_by(
@@ -226,7 +234,7 @@ class TwoArmsJudge:
         return _BetweenArms(view.chain, (*view.parts, *moved), frozenset(), self.world, self.arms, library=self.library)
 
     def states_free(self, states: States) -> BoolArray:
-        """Return whether the viewing arm is free in each state (N,)."""
+        """Return whether the viewing arm touches nothing, nor the working arm, in each state (N,)."""
         free: BoolArray = self._alone.states_free(self.arms.alone(states))
         return free & self._between.states_free(states)
 

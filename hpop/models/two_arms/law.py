@@ -11,9 +11,12 @@ from hpop.base.arrays import Column
 from hpop.models.serial_arm.laws import CLOCK, Extremes, JointSpline, rate_of
 from hpop.motions import LawDefaults, Phase, States
 
-TIME = "time"  # s from the start of the working arm: the state that says when the arm is where
-PACE = "pace"  # largest share of its top speed at which any joint moves: the state that says how fast the arm is
-PEAK = 1.5, 6.0  # largest speed and acceleration of a motion from rest to rest that takes 1 s, as shares of its way
+TIME = "time"  # s since the working arm began its motion; a state of the viewing arm
+PACE = "pace"  # speed of the joint that is nearest to its top speed, as a share of it; a state of the viewing arm
+PEAK = (
+    1.5,
+    6.0,
+)  # largest speed and acceleration of a motion from rest to rest that takes 1 s, as multiples of its length
 
 
 @dataclass(frozen=True)
@@ -23,8 +26,8 @@ class ReachInTime(LawDefaults):
     spline  law of the joints: cubic polynomials of time
 
     The states say when the motion begins and ends. At each moment all joints have done an equal share of their changes,
-    which is a cubic polynomial of time. Without a change of the joints it is a wait. A part of a motion is a motion,
-    whose ends have a pace: it need not begin and end at rest.
+    which is a cubic polynomial of time. Without a change of the joints, the motion is a wait. A motion that is cut into
+    parts follows this law in each part. Such a part need not begin and end at rest: states at its ends have a pace.
     """
 
     spline: JointSpline
@@ -75,7 +78,10 @@ class ReachInTime(LawDefaults):
         return none, none
 
     def strays(self, start: States, end: States) -> Column:
-        """Return the error (M,) of the given end states: 0 if the time advances, inf if it runs backwards."""
+        """Return the error (M,) of the given end states: 0 if the time advances, inf if it runs backwards.
+
+        If the time stands still, the error is the largest jump of a joint value or speed.
+        """
         return self.spline.strays(*self._knots(start, end))
 
     def ways(self, name: str, start: States, end: States) -> Column:
@@ -87,7 +93,7 @@ class ReachInTime(LawDefaults):
         return self.spline.extremes(name, *self._knots(start, end))
 
     def _knots(self, start: States, end: States) -> tuple[States, States]:
-        """Return both ends as states of the spline, with the joint speeds that their paces mean."""
+        """Return both ends as states of the spline, with the joint speeds that follow from their paces."""
         names, speeds = self.spline.names, self.spline.speeds
         ways = [getattr(end, name) - getattr(start, name) for name in names]
         longest = np.maximum.reduce([np.abs(way) / speed for way, speed in zip(ways, speeds, strict=True)])

@@ -29,7 +29,7 @@ from hpop.world import World
 from hpop.world.geometry.solids import Shape
 
 WORK_TOOL = "work_tool"  # body: the tool of the working arm
-START = "start"  # what a problem calls its start
+START = "start"  # name of the start in messages of a problem
 SAME = 1e-6  # s: tolerance of times
 SHORTEST, LONGEST = 0.01, 10.0  # s, bounds of a time step
 
@@ -219,7 +219,7 @@ class TwoArms(Model):
         return [Leg(self.law.kind, end, leg.present | (time > a.time))]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the plan itself, because the arm executes its motions as planned."""
+        """Return the plan itself and its times, because the arm executes its motions as planned."""
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
@@ -231,13 +231,13 @@ class TwoArms(Model):
             yield f"ends at {states.time[-1]:.6g} s, but the working arm moves for {self.motion.duration:.6g} s"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of motions in which a joint exceeds its limits, and of all that come first in a plan."""
+        """Return a mask (M,) of motions in which a joint exceeds its limits, and of those that begin at time 0."""
         return np.asarray(doubtful(self.view.chain, self.law, start, end) | (start.time < SAME))
 
     # Collision tests
 
     def with_scene(self, world: World) -> TwoArms:
-        """Return this model; raise ModelError if the scene attaches objects to links, as links of which arm is open."""
+        """Return this model; raise ModelError if the scene attaches objects to links: it does not say of which arm."""
         if names := ", ".join(repr(each["name"]) for each in world.link_rules.attached):
             raise ModelError(
                 f"two arms do not take the objects that a scene attaches to links ({names}); remove them from the "
@@ -264,13 +264,13 @@ class TwoArms(Model):
 
 
 class SpaceInTime(StateSpace):
-    """State space with a time that users may leave out: it is then 0 in a start, and the end of the work elsewhere.
+    """State space with pace and time as its last columns, both of which users may leave out of a state.
 
-    The pace is 0, and may be left out as well.
+    The time is then 0 in a start, and the end of the working arm's motion in other states. The pace is then 0.
     """
 
     def implied(self, what: str) -> dict[str, float]:
-        """Return pace and time, which users may leave out of a state."""
+        """Return the pace and the time of a state without them; ``what`` is "start" for the start of a problem."""
         return {PACE: 0.0, TIME: 0.0 if what == START else self.high[-1]}
 
 

@@ -19,7 +19,7 @@ from hpop.models.serial_arm.chain import Chain
 from hpop.motions import States
 from hpop.trajectories.trajectory import Trajectory
 
-STEP = 0.01  # s between the rows to which a trajectory is sampled: arms of 6 rad/s² are then off by at most 1e-4 rad
+STEP = 0.01  # s between the samples of a trajectory: joints of 6 rad/s² are then off by at most 1e-4 rad
 LONGEST = 3600.0  # s
 MOST_ROWS = 100_000
 MOST_BYTES = 50_000_000  # of a file
@@ -59,11 +59,11 @@ class WorkMotion:
         return cls(names, frozen(times), frozen(np.stack([numbers[name] for name in names], axis=1)))._checked(chain)
 
     def _checked(self, chain: Chain) -> WorkMotion:
-        """Return this motion; raise ModelError for too few rows, times that do not rise, and joints beyond limits."""
+        """Return this motion; raise ModelError for too few or too many rows, wrong times, and joints beyond limits."""
         if not 2 <= self.times.size <= MOST_ROWS or self.times[-1] > LONGEST:
             raise ModelError(
-                f"the motion must have 2 to {MOST_ROWS:,} rows within {LONGEST:g} s, got {self.times.size:,}; give "
-                "times in s, and fewer rows"
+                f"the motion must have 2 to {MOST_ROWS:,} rows within {LONGEST:g} s, got {self.times.size:,} "
+                f"rows within {self.times.max(initial=0.0):g} s; give times in s, or another number of rows"
             )
         if (steps := np.diff(self.times)).min() <= 0.0:
             row = int(np.argmax(steps <= 0.0)) + 1
@@ -94,7 +94,10 @@ class WorkMotion:
         return States(**dict(zip(self.names, np.moveaxis(self.at(time), -1, 0), strict=True)))
 
     def rates(self, time: Column) -> States:
-        """Return the joint speeds (M,) at times (M,), s; at the time of a row, those after it."""
+        """Return the joint speeds (M,) at times (M,), s: at a row those after it, at the last row those before it.
+
+        Before the first row and after the last, the speeds are 0.
+        """
         after = np.clip(np.searchsorted(self.times, time, side="right"), 1, self.times.size - 1)
         slopes = (np.diff(self.rows, axis=0) / np.diff(self.times)[:, None])[after - 1]
         slopes = np.where(np.asarray((time < 0.0) | (time > self.duration))[..., None], 0.0, slopes)
@@ -112,7 +115,7 @@ class WorkMotion:
         )
 
     def bends(self, begin: FloatArray, end: FloatArray) -> FloatArray:
-        """Return the largest difference (M, n) of each joint from an even change between times (M,), rad or m."""
+        """Return how far (M, n), rad or m, each joint strays at most from an even change between two times (M,)."""
         first = np.searchsorted(self.times, begin, side="right")
         last = np.searchsorted(self.times, end, side="left")
         counts = np.maximum(0, last - first)
@@ -143,7 +146,7 @@ def _columns(given: Any) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Return the columns of a CSV file, without comments, units, and rates and accelerations of joints."""
+    """Return the columns of a CSV file by name; comments, units, rates and accelerations of joints are left out."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES / 1e6:g} MB")

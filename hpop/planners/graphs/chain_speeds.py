@@ -189,7 +189,7 @@ class ChainSpeedGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in each arc, and one more for each faster class, so that fast paths are preferred."""
+        """Number (m,) of motions in each arc, plus the number of faster classes, so that fast paths win ties."""
         arcs, classes = self._offered
         slower = (len(self._paces) - 1 - classes).astype(np.int8)
         free = np.zeros(self.heads.size - arcs.size, np.int8)

@@ -188,7 +188,7 @@ def test_the_judge_says_what_python_fcl_says_at_every_step_of_1_mm(seed):
 
 
 def test_coal_finds_the_contacts_of_balls_and_boxes_by_closed_forms():
-    """A ball in the hand at a known distance of a box and of a ball, of padding and of what may touch."""
+    """A ball in the hand at known distances from a box and a ball, with and without padding and allowed contacts."""
     arm = planar(solids=[CAN, Solid(Box((0.2, 0.2, 0.2)), pose_at((0.0, 1.2, 0.0)), "box")])
     ball = ArmPart("hand", 2, Solid(Sphere(0.05), pose_at((0.55, 0.0, 0.0))))
     arm = replace(arm, parts=(*arm.parts, ball))

@@ -30,7 +30,7 @@ SAMPLES = 50  # of a motion, in the oracle
 
 
 class Oracle:
-    """All timed paths of a roadmap of the viewing arm alone: own clock, pinocchio's frames, dense samples, no search.
+    """All timed paths of a roadmap of the viewing arm alone, listed by brute force with pinocchio's frames.
 
     Collisions are sampled by python-fcl.
     """
@@ -114,9 +114,9 @@ ENDS = {"anywhere": Anywhere(), "ready": "ready", "either": ["ready", HOME]}
     ],
 )
 def test_a_front_is_that_of_all_timed_paths(seed, goal, near, samples):
-    """Nothing is shared but the roadmap of the viewing arm alone; costs of dense samples are off by up to 0.01.
+    """Oracle and planner share only the roadmap of the viewing arm alone. Sampled costs are off by up to 0.01.
 
-    In these cases no motion comes as near as 0 to 2 mm, where proofs may call it blocked that samples call free.
+    In these cases no least distance of a motion is between 0 and 2 mm, where proof and samples may disagree.
     """
     pytest.importorskip("pinocchio")
     arms = two_arms(view=arm6(base=(0.1, near, 0, 0, 0, -0.4)), step=0.4, motion=sweep(times=(0, 1.0, 2.8)))

@@ -54,7 +54,7 @@ def rows_of(states: States) -> list[tuple[float, ...]]:
 
 
 class Oracle:
-    """Own chains, own classes, own labels."""
+    """Front by brute force: all chains of motions in all classes, with labels that are compared one by one."""
 
     def __init__(self, problem: hpop.Problem) -> None:
         self.problem, self.model = problem, problem.model

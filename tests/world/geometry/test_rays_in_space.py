@@ -136,7 +136,7 @@ def test_the_share_of_blocked_rays_is_that_of_first_hits_of_solids_wherever_they
 
 @pytest.mark.seeds(3, of=40)
 def test_hulls_of_the_robot_block_rays_from_beside_them_as_first_hits_say(seed):
-    """From on, just off and far off their faces, to ends before, in and behind them."""
+    """Rays begin on, just off and far off the faces of hulls, and end before, in and behind hulls."""
     rng = np.random.default_rng(seed)
     hulls = [Hull(rng.normal(size=(60, 3)) * rng.uniform(0.05, 0.5, 3) + rng.normal(size=3) * 0.4) for _ in range(3)]
     own = Surfaces.of([Solid(hull, np.eye(4)) for hull in hulls])

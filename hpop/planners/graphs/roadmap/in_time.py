@@ -1,8 +1,8 @@
-"""Roadmap of configurations with a clock, for a robot that must be somewhere at each time: a node is a state at a time.
+"""Roadmap of configurations with a clock, for a robot beside something that moves as given: nodes are states in time.
 
 It is made from the roadmap of the robot alone. Time is cut into equal steps. A node of the roadmap has a copy at each
 step at which the robot can be there and still reach a goal at the last step. Each link has a copy at each step, and
-takes as many steps as its motion needs, rounded up: the motion is a little slower than it could be, so that plans keep
+takes as many steps as its motion needs, rounded up. So the motion is a little slower than it could be, and plans keep
 the clock exactly. Links from each copy to the next of the same node are waits. So a search for paths in this roadmap
 needs to know nothing of time.
 """
@@ -37,19 +37,19 @@ VIEWS = 0.5  # share of the samples that are such views, at most
 
 
 def timeless_problem(problem: Problem) -> Problem:
-    """Return the problem of the robot alone, without time; from anywhere to anywhere, it leads from start to start."""
+    """Return the problem of the robot alone, without time; its goal is its start if the robot may end anywhere."""
     model = cast(ModelInTime, problem.model)
     size, time = len(model.timeless.space.names), problem.start[-1]
     start = problem.start[:size]
     if time != 0.0:
         raise QueryError(
-            f"the time of the start must be 0 s, when the other motion begins, got {time:g} s; leave it out"
+            f"the time of the start must be 0 s, when the given motion begins, got {time:g} s; leave it out"
         )
     if problem.tour is not None:
         raise QueryError("a robot whose states have a time takes no tour; give its stops as goals of several problems")
     end, goal = problem.model.space.high[-1], problem.goal
     if early := [values for values in problem.target.listed if values[-1] != end]:
-        raise QueryError(f"the time of a goal must be {end:g} s, the end of the other motion, got {early[0][-1]:g} s")
+        raise QueryError(f"the time of a goal must be {end:g} s, the end of the given motion, got {early[0][-1]:g} s")
     listed = [values[:size] for values in problem.target.listed]
     ends: Any = start if is_free_ending(problem) else listed or goal
     duration = make_criterion("duration")
@@ -93,7 +93,7 @@ def drawn_views(problem: Problem, alone: Problem, samples: int, seed: int) -> St
 def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spending) -> ConfigurationRoadmap:
     """Return the roadmap of states in time for a problem, from the roadmap of the robot alone.
 
-    Raises QueryError if the start is blocked at time 0, or if no goal can be reached in time.
+    Raises QueryError if the start is blocked at time 0, or if no goal can be reached in time and is free at the end.
     """
     model, collision = cast(ModelInTime, problem.model), problem.model.collision(problem.world)
     if reason := collision.why_blocked(model.space.state(problem.start)):
@@ -108,8 +108,12 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
     latest = count - _steps(still.size, heads, tails, lasts, ends.tolist())
     if earliest[ends].min() > count:
         least = earliest[ends].min()
-        when = f"within {least * end / count:.3g} s" if least < NEVER else "at all: take more samples"
-        raise QueryError(f"no goal can be reached within {end:g} s, the duration of the other motion, but {when}")
+        reason = (
+            f"that takes {least * end / count:.3g} s; give a nearer goal, or a longer motion"
+            if least < NEVER
+            else "the roadmap has no path to a goal; take more samples"
+        )
+        raise QueryError(f"no goal can be reached within {end:g} s, the duration of the given motion: {reason}")
     copies = np.maximum(0, latest - earliest + 1)
     first = np.cumsum(copies) - copies - earliest  # plus a step: the copy of a node at this step
     spending.check("the roadmap was copied for each step of time", int(copies.sum()) * 8 * (len(model.space.names) + 4))
@@ -127,7 +131,8 @@ def roadmap_in_time(problem: Problem, still: ConfigurationRoadmap, spending: Spe
     goals = last[free[last]].tolist()
     if not goals:
         raise QueryError(
-            f"no goal is usable at {end:g} s: in all of {ends.size} states the robot touches what moves; move the goal"
+            f"no goal is usable at {end:g} s: in all {last.size} states that can be reached by then, the robot touches "
+            "what moves; move the goal"
         )
     blind = (
         f"in no state that was found does the camera look at the {model.watched} from {BAND[0]:g} to {BAND[1]:g} m, "
@@ -158,7 +163,7 @@ def _durations(model: ModelInTime, still: ConfigurationRoadmap, tails: IntArray,
 
 
 def _steps(size: int, tails: IntArray, heads: IntArray, lasts: IntArray, start: Sequence[int]) -> IntArray:
-    """Return the fewest steps (n,) that lead from any of some nodes to each node; :data:`NEVER` for no way."""
+    """Return the fewest steps (n,) from any of the nodes ``start`` to each node; :data:`NEVER` without a path."""
     from scipy.sparse import csr_array  # on first use: the import takes its time
     from scipy.sparse.csgraph import dijkstra
 
