@@ -34,12 +34,15 @@ SLACK = 0.1  # relative tolerance of a worst moment, since it lies between two s
 WIDE = 30.0  # m: a wide world has its origin in the middle of a square of twice this side
 NARROWEST, FASTEST = 1e-3, 5.0  # least distance, m, and largest speed, m/s, or turn rate, rad/s, of wide motions
 LINES = ("position", "speed", "turn rate", "yaw")
-RAYS, DENSITY = 12, 16  # lines of each kind, and samples on each side of a line
+RAYS, DENSITY = 12, 16  # lines for each quantity, and samples on each side of 0
 ASIDE = 0.02  # m, standard deviation of the distances at which lines pass by people
 MOMENT, BRACKET = 1e-6, 1e-5  # m, m/s, rad/s or rad: where a rate is sampled, and where it is said to jump
-FIRST, HALVINGS = 6, 22  # times that an interval of a line is halved before it may be dropped, and at most
-LEAST_JUMP = 1e-2  # share of the largest rate on the line
-MOST_JUMPS, ACROSS = 6, 8  # jumps of each kind of line that are looked at, and motions across each
+FIRST, HALVINGS = (
+    6,
+    22,
+)  # least and largest number of times that an interval is halved, unless the rate hardly changes in it
+LEAST_JUMP = 1e-2  # least change of a jump, as a share of the largest rate on the line
+MOST_JUMPS, ACROSS = 6, 8  # largest number of jumps tried for each quantity, and motions across each jump
 
 
 @checked_arguments
@@ -160,8 +163,8 @@ def wide_motions(rng: np.random.Generator, wide: World, model: Model, size: int)
 class _StateLines:
     """Lines in the space of states, along each of which one quantity varies: position, speed, turn rate or yaw.
 
-    Lines of positions pass by the origin, people, landmarks and random places. The quantity is then the distance
-    from there, m. They do not pass exactly through a person, where even a good rate may jump.
+    Lines of positions pass by the origin, people, landmarks and random places. The quantity is then the signed
+    distance from there, m. They do not pass exactly through a person, where even a good rate may jump.
     """
 
     def __init__(self, rng: np.random.Generator, wide: World, model: Model, quantity: str) -> None:
@@ -172,7 +175,7 @@ class _StateLines:
         free = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(RAYS - len(places), 2))
         beside = np.concatenate([np.array(places), free]) + rng.normal(0.0, ASIDE, (RAYS, 2))
         self.x, self.y = beside.T
-        self.yaw = np.arange(RAYS) % 2 * (np.pi / 2) + rng.uniform(-0.4, 0.4, RAYS)  # about east or north
+        self.yaw = np.arange(RAYS) % 2 * (np.pi / 2) + rng.uniform(-0.4, 0.4, RAYS)  # to about east or north
 
     def samples(self) -> FloatArray:
         """Return the sampled values (2 * DENSITY + 1,) of the quantity, in ascending order."""
@@ -196,15 +199,15 @@ class _StateLines:
         return Motions(self.world, self.model, law, start, states_after(start, faster, tighter, end - begin), t0=clock)
 
     def rates(self, criterion: Criterion, line: IntArray, value: FloatArray) -> FloatArray:
-        """Return the cost per second (N,) of very short motions on lines."""
+        """Return the cost per second (N,) of very short motions on lines, at values (N,) of the quantity."""
         motions = self.motions(line, value, value + MOMENT)
         return np.asarray(motion_costs(criterion, motions) / motions.duration)
 
     def jumps(self, criterion: Criterion) -> Iterator[tuple[int, float, float, float]]:
         """Yield the largest jumps of a rate: line, value of the quantity, and the rates before and after.
 
-        Intervals between samples are halved. Half of an interval is kept: that in which the rate changes more. An
-        interval is dropped if its change has become small in proportion to its width.
+        Intervals between samples in which the rate changes are halved again and again; the half in which it changes
+        more is kept. An interval is dropped as soon as its change shrinks about as fast as its width.
         """
         samples = self.samples()
         every = np.repeat(np.arange(RAYS), samples.size)

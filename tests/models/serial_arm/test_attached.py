@@ -114,7 +114,7 @@ def test_a_joint_is_fixed_within_its_limits_only(tmp_path, value, is_within):
 
 
 def test_what_a_scene_attaches_is_a_part_of_the_arm(tmp_path):
-    """Planning, verification, drawn bodies and saved problems treat it as an object of the arm's option ``attached``."""
+    """Planning, verification, bodies and saved problems treat it as an object of the arm's option ``attached``."""
     thing = {
         "id": "cup",
         "header": {"frame_id": "tool"},

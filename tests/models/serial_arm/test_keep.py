@@ -182,7 +182,7 @@ def test_keeping_arms_on_bases_that_cannot_are_refused():
     ids=["tool_at", "look_at", "joints_at"],
 )
 def test_goal_states_are_drawn_inside_the_bounds(goal):
-    """Of goal states drawn without the bounds, at most 40 of 100 keep an orientation within 5 degrees."""
+    """Without the bounds, at most 40 of 100 goal states keep an orientation within 5 degrees."""
     narrow = {"body": "camera", "axis": (0, 1, 0), "angle": (radians(85), radians(95))}
     arms = arm6(keep=narrow), arm6()
     shares = []
