@@ -2,8 +2,8 @@
 
     python benchmarks/many_queries.py [--map NAME ...] [--queries 25] [--loop 50] [--large 0] [--out FILE]
 
-Then the loop of a robot node: each query is from half of the way on the knee of the last front, on cells of which a box
-of 2 x 3 at a random place became occupied; the time of the update is included.
+Then come the queries of a robot node that replans in a loop. Each begins halfway along the knee of the last front,
+after a box of 2 x 3 cells at a random place became occupied. The time of this update is included.
 
 Step 0.25 m, criteria exposure, turns and length. Kernels are loaded by queries in another world before; then the map
 is read anew, and what the first query takes includes its fields and its lattice, but not reading the file. Starts and
@@ -12,8 +12,8 @@ the machine.
 
 With ``--large N``, the first and N other queries on a map of 2,000 x 2,000 cells of 0.05 m with 150 boxes, made here:
 duration, turns and length, for a disc and a rectangle. Starts and goals are drawn anywhere ("near"), or in opposite
-corners ("far"). ``early_s`` are the seconds until `Problem.fronts` has its first stage, the most of three far queries
-in worlds that are made anew.
+corners ("far"). ``early_s`` are the seconds until `Problem.fronts` has its first stage: the largest of three far
+queries, each in a world that is made anew.
 """
 
 from __future__ import annotations

@@ -21,12 +21,14 @@ def on_first_use(
 
     homes   for each name, the module that defines it, as returned by :func:`homes_of`; "" if the name is itself a
             submodule of the package
-    former  for each deprecated name, its new one; it gives the new one, with a DeprecationWarning
+    former  for each deprecated name, the new name of its object; the deprecated one works, with a DeprecationWarning
     """
 
     def imported(name: str) -> Any:
         if former and name in former:
-            warnings.warn(f"{package}.{name} is {package}.{former[name]} now", DeprecationWarning, stacklevel=2)
+            warnings.warn(
+                f"{package}.{name} is {package}.{former[name]} now; use this name", DeprecationWarning, stacklevel=2
+            )
             return getattr(sys.modules[package], former[name])
         if name not in homes:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")

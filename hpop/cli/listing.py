@@ -168,8 +168,8 @@ def look(
     obstacles, with joints to move, and names the bodies that collide. If the start or goal is blocked, the nearest free
     position is printed (exit code 5). If no path leads from the start to a goal, that is printed too (exit code 6). For
     a MAP, start and goal are those that `hpop new` would try first. An earlier picture of this name is replaced. For a
-    URDF, only the page is written; --set gives parameters of the model serial_arm, such as tip=tool; its tip is the end
-    of the longest chain of joints by default.
+    URDF, only the page is written, and --set gives parameters of the model serial_arm, such as tip=tool. By default,
+    the tip is at the end of the longest chain of joints.
     """
     cli.user_code.register(imports)
     if path.suffix.lower() == URDF:
@@ -223,7 +223,7 @@ def _say_page(page: Path, *, opens: bool) -> None:
 
 
 def _look_at_urdf(path: Path, out: Path | None, options: dict[str, str], *, opens: bool) -> None:
-    """Write the page of an arm whose URDF is given; values of options are YAML, such as fixed={finger: 0.04}."""
+    """Write the page of the arm in a URDF file; values of options are YAML, such as fixed={finger: 0.04}."""
     import yaml
 
     from hpop.models.serial_arm.model import SerialArm
@@ -236,7 +236,7 @@ def _look_at_urdf(path: Path, out: Path | None, options: dict[str, str], *, open
     if "tip" not in given:
         given["tip"] = read_urdf(path).farthest_tip
         echo(f"note: the tip is {given['tip']}, at the end of the most joints; --set tip=NAME chooses another link")
-    arm = SerialArm.from_urdf(path, **{"acceleration": 1.0, **given})  # how fast it may move is of no matter here
+    arm = SerialArm.from_urdf(path, **{"acceleration": 1.0, **given})  # without effect on the page
     for note in arm.notes:
         echo(f"note: {note}")
     _say_page(hpop.view.save_arm_page(arm, Path(f"{path.stem}_look.html") if out is None else out), opens=opens)

@@ -1,9 +1,9 @@
 """Laws of free speed: motions with constant acceleration along a straight line of states, as parts of speed profiles.
 
-Speed profiles (:func:`hpop.retime`) of robots with joints consist of them. A robot whose executed law is called NAME
-has the law NAME_ramp beside it, of equal geometry. Its states have one more column, ``pace``: how fast the robot
-follows its path, as a share of full speed. The length of a motion is the Euclidean norm of the times, s, that its
-states need at their largest speeds; at a pace of 1, the motion lasts as long.
+Speed profiles (:func:`hpop.retime`) of bases that carry a head or an arm consist of them. Beside each executed law
+NAME, such a robot has the law NAME_ramp of equal geometry. Its states have one more column, ``pace``: how fast the
+robot follows its path, as a share of full speed. The length of a motion is the Euclidean norm of the times, s, that
+its states need at their largest speeds. At a pace of 1, this is the duration of the motion.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class Ramp(LawDefaults):
         return {name: getattr(end, name) - getattr(start, name) for name in self.limits}
 
     def length(self, start: States, end: States) -> Column:
-        """Return the length (M,) of each motion, s at full speed."""
+        """Return the length (M,) of each motion: its duration at full speed, s."""
         ways = self.changes(start, end)
         return norm([ways[name] / speed for name, (speed, _) in self.limits.items()])
 
@@ -184,9 +184,10 @@ class ReachRamp(Ramp, Reach):
 
 
 def ramps_of(laws: Mapping[str, Law], change: Law | None = None, speeds: Sequence[float] = ()) -> dict[str, Law]:
-    """Return a ramp for each executed law, by its kind, NAME_ramp; a law that hpop does not know has none.
+    """Return the laws of free speed that belong to executed laws, by kind; a law that hpop does not know has none.
 
-    change, speeds  change of speed, and speeds, m/s, of a base with several
+    change  law of changes of speed, for a base with several speeds
+    speeds  m/s, rising, for such a base
     """
     made: list[Law] = []
     for kind, law in laws.items():
@@ -218,7 +219,7 @@ def limits_of(model: Model) -> dict[str, tuple[float, float]]:
 
 
 def doubtful_ramps(law: Law, start: States, end: States) -> BoolArray:
-    """Return a mask (M,) of the motions that are faster or harder than their law allows; none for other laws."""
+    """Return a mask (M,) of motions that exceed a speed or an acceleration of their law; all False for other laws."""
     if not isinstance(law, Ramp):
         return np.zeros(start.size, np.bool_)
     return np.asarray(law.excess(start, end) > 1.0 + BEYOND)

@@ -218,10 +218,10 @@ WIDEST = 10.0
 class LinkRules:
     """Rules for the links of an arm, by their names.
 
-    padding  m, by link: distance that a link keeps from obstacles, in addition to the usual distance
-    scale    by link: factor by which a link is enlarged before it is tested with obstacles
-    pairs    by two names, of links or of obstacles, in alphabetical order: whether the two may touch
-    others   by name of a link or an obstacle: whether it may touch any body that ``pairs`` does not name with it
+    padding   m, by link: distance that a link keeps from obstacles, in addition to the usual distance
+    scale     by link: factor by which a link is enlarged before it is tested with obstacles
+    pairs     by two names, of links or of obstacles, in alphabetical order: whether the two may touch
+    others    by name of a link or an obstacle: whether it may touch any body that ``pairs`` does not name with it
     attached  objects that links carry, as the option ``attached`` of an arm lists them
     """
 

@@ -161,7 +161,7 @@ class Occlusion(Targeted):
         bodies = model.bodies(s.state)
         shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in bodies])
         poses = np.stack([pose for _, pose in bodies]) if bodies else np.empty((0, size, 4, 4))
-        # Rays to a target that moves are those to the origin, with the camera at its position relative to the target.
+        # For a target that moves, rays are drawn in a frame whose origin is the target.
         target, seen_from = self.target, camera
         if isinstance(target, str):
             target, seen_from = (0.0, 0.0, 0.0), camera - rows(self.position(s), size)

@@ -141,7 +141,7 @@ class JoinedEnds(TrajectoryGraph):
         return self.ends
 
     def with_stops_joined(self, to: TrajectoryGraph) -> TrajectoryGraph:
-        """Return another graph of the same states, ``to``, joined to the stops to which this graph is joined."""
+        """Return ``to``, another graph of these states, with the joins to stops that this graph has."""
         alone = to.states_alone
         if not self.stops or alone is None:
             return to
@@ -149,7 +149,7 @@ class JoinedEnds(TrajectoryGraph):
         return JoinedEnds(alone.model, alone.world, alone, ends, self.reach, self.stops, spending=alone.spending)
 
     def over_states(self, change: Callable[[StateGraph], StateGraph]) -> JoinedEnds:
-        """Return the ends joined to ``change`` of the graph of states."""
+        """Return the ends joined to the graph that ``change`` makes of the graph of states."""
         return replace(self, inner=change(self.inner))
 
     def at_rest(self, ids: IntArray) -> BoolArray:

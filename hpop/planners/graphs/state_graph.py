@@ -52,7 +52,7 @@ class StateGraph(TrajectoryGraph):
         return self
 
     def over_states(self, change: Callable[[StateGraph], StateGraph]) -> StateGraph:
-        """Return ``change`` of this graph."""
+        """Return the graph that ``change`` makes of this one, which has no added nodes."""
         return change(self)
 
     @abstractmethod

@@ -272,7 +272,7 @@ class TrajectoryGraph(ABC):
         return None
 
     def over_states(self, change: Callable[[StateGraph], StateGraph]) -> TrajectoryGraph:
-        """Return the graph with its graph of states, `states_alone`, replaced by ``change`` of it."""
+        """Return this graph on another graph of states: the one that ``change`` makes of `states_alone`."""
         raise NotImplementedError
 
     def driven(self, chains: MotionChains) -> MotionChains:
@@ -303,7 +303,7 @@ class TrajectoryGraph(ABC):
         return {}
 
     def with_stops_joined(self, to: TrajectoryGraph) -> TrajectoryGraph:
-        """Return another graph of the same states, ``to``, joined to the stops to which this graph is joined."""
+        """Return ``to``, another graph of these states, with the joins to stops that this graph has."""
         return to
 
     def inside(self, nodes: list[int]) -> list[int]:

@@ -97,7 +97,7 @@ def reader_of(path: str | Path) -> str:
 
 
 def _said(reader: str, path: str | Path, options: Mapping[str, Any], known: inspect.Signature) -> str:
-    """Say which options a reader does not have, or lacks; "" if there are none."""
+    """Return a text on options that a reader does not have, or lacks; "" if none are, or if it takes any options."""
     _, *names = known.parameters
     if any(parameter.kind == parameter.VAR_KEYWORD for parameter in known.parameters.values()):
         return ""
