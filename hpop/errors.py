@@ -161,9 +161,9 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 
 
 def meant_file(path: Path) -> str:
-    """Return a question, with a space in front, that suggests the entry of a folder with the most similar name.
+    """Return a question, with a space in front, that suggests the file or folder that may be meant; "" if none is.
 
-    path  of a file or folder that is not there; "" is returned if nothing beside it has a similar name
+    path  of a file or folder that is not there; names beside it are compared with its name
     """
     try:
         names = [entry.name for entry in path.absolute().parent.iterdir()]

@@ -94,8 +94,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             "hypervolume",
             """How much of a box of costs a front dominates; larger is better. During a plan, its curve shows how much
             the front still grows. On its scale the best costs of the first front are 0 and the worst ones 1; the box
-            ends at 1.1. Runs of one problem may have other first fronts, since these depend on the search's time, and
-            so other hypervolumes.""",
+            ends at 1.1. Two runs of one problem may have different first fronts, since these depend on the time of the
+            search. So do not compare their hypervolumes.""",
         ),
         _entry(
             "gap",

@@ -169,7 +169,11 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws: the executed laws of the base except curves, and the arm's "reach"; all from rest to rest."""
+        """Motion laws: the executed laws of the base except curves, and the arm's reaches; all from rest to rest.
+
+        A base with several speeds has a law of runs for each of them. Beside them are laws of free speed
+        (:mod:`hpop.models.ramps`), which need not begin and end at rest.
+        """
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]
         laws = {kind: base.laws[kind] for kind in kinds if kind != CHANGE}

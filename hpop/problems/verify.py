@@ -50,13 +50,13 @@ def verify(
 ) -> list[str]:
     """Return a text for each fault of a front of this problem; [] if all that it claims is right.
 
-    The check is independent of the planner. Costs are computed again by the criteria. Collisions are tested by
-    python-fcl at states at most 5 cm or 3 degrees apart, those of arms every millimetre. Start and goal are compared
-    with those of the problem, and visits of stops with samples of the trajectory and, if it is punctual, of its
-    execution. Contacts with moving people are tested every hundredth of a second (:mod:`.contacts`), for the plan and
-    for its execution. A motion that several trajectories share is checked once. In fronts of earlier versions the
-    lattice ended at the grid position nearest to the goal, with a "goal_offset" in the provenance; an offset of up to
-    half the diagonal of a grid cell is accepted.
+    The check is independent of the planner, except for straight approaches to goals, which are tested by the code that
+    planners use. Costs are computed again by the criteria. Collisions are tested by ``library`` at states at most 5 cm
+    or 3 degrees apart, those of arms every millimetre. Start and goal are compared with those of the problem, and
+    visits of stops with samples of the trajectory and, if it is punctual, of its execution. Contacts with moving people
+    are tested every hundredth of a second (:mod:`.contacts`), for the plan and for its execution. A motion that several
+    trajectories share is checked once. In fronts of earlier versions the lattice ended at the grid position nearest to
+    the goal, with a "goal_offset" in the provenance; an offset of up to half the diagonal of a grid cell is accepted.
     If trajectories leave the map, only these are reported, since their costs cannot be evaluated.
 
     Parameters
@@ -375,7 +375,7 @@ def collision_free(problem: Problem, trajectories: Sequence[Trajectory]) -> Bool
 def _free(
     problem: Problem, table: MotionTable, library: str = "fcl", say: Callable[[str], None] | None = None
 ) -> BoolArray:
-    """Return whether each trajectory (n,) of a table of motions is free of collisions, by a collision library."""
+    """Return a mask (n,) of the trajectories of a table of motions that are free of collisions, by a library."""
     judge = problem.model.judge_by(library, problem.world)
     colliding = np.zeros(len(table), dtype=bool)
     done = 0

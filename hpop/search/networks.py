@@ -232,7 +232,7 @@ class AddedArcs(NamedTuple):
 
     @classmethod
     def none(cls, criteria: int) -> AddedArcs:
-        """Return no arcs, of a graph with this number of costs."""
+        """Return an empty set of arcs, for a graph with this number of costs."""
         return cls(np.zeros(0, np.int64), np.zeros(0, np.int32), np.zeros((0, criteria), np.int64))
 
 

@@ -196,7 +196,7 @@ class Trajectory:
         )
 
     def then(self, other: Trajectory) -> Trajectory:
-        """Return this trajectory and then another, which begins in its last state; both are at rest there."""
+        """Return this trajectory followed by another one, which begins in its last state; both are at rest there."""
         own, after = self.states.__dict__, other.states.__dict__
         columns = {}
         for name in {**own, **after}:

@@ -428,11 +428,11 @@ ELSEWHERE = (
     *("against_flow", "cutting_between", "social_force", "speeding", "time_to_collision", "visibility_to_people"),
     *("expected_contacts", "hall_zones"),
 )
-#: Of a moving camera or of joints: alone, on trajectories and on symbols in their own tests; beside others like them.
+#: Of a moving camera or of joints: their own tests check them alone, on trajectories and on symbols.
 IN_SPACE = ("camera_length", "camera_roll", "hand_eye_misalignment", "joint_length", "joint_limits", "view_distance")
-#: With fewer rays too, so that few are enough to find what is wrong.
+#: Checked with few rays in every run, since few are enough to find a fault.
 FEWER = {"optic_flow": {"bearings": 4}}
-#: Each beside one that is built alike and is looked at: clearance, look_at, joint_energy, o_space, exposure, rotation.
+#: Each is built like one that every run checks: clearance, look_at, joint_energy, o_space, exposure, rotation.
 BESIDE = (
     *("worst_intrusion", "proximity", "heading_mismatch", "singularity", "energy"),
     *("passing_distance", "personal_space", "enclosure", "rotation_time"),

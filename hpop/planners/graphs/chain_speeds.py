@@ -35,7 +35,7 @@ PIECES = 64  # work of connecting two configurations, as a multiple of the work 
 class ChainSpeedGraph(TrajectoryGraph):
     """Graph in which each chain of a roadmap of configurations has one of several classes of speed.
 
-    A chain whose motions are equal in two classes has only the faster one.
+    If the motions of a chain are equal in two classes, the chain is only in the faster one.
 
     inner  roadmap of n configurations; its nodes keep their numbers, and node (c, v) has the number (c + 1) n + v
     """
@@ -114,8 +114,8 @@ class ChainSpeedGraph(TrajectoryGraph):
     def chains(self, tails: IntArray, heads: IntArray, classes: IntArray) -> MotionChains:
         """Return chains (N,) between configurations, each in a class (N,), not checked for collisions.
 
-        A motion with other kinds in other classes has a leg for each of these kinds, of which one is present. A move
-        with a speed is between two changes of speed.
+        A motion whose kind depends on the class has a leg for each kind, of which one is present. A move that has a
+        speed lies between two changes of speed.
         """
         plain, speeds = self.inner.chains(tails, heads), self._speeds
         with_speed = any(map(self._has_speed, plain.kinds))
@@ -196,7 +196,7 @@ class ChainSpeedGraph(TrajectoryGraph):
         return np.concatenate([self.inner.turned[arcs] + slower, free])
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
-        """Return the search graph: each chain costs in each class what the criteria say of its motions."""
+        """Return the search graph; the cost of a chain in a class is that of its motions in this class."""
         paid = self.inner.chain_costs(*self._ends(), criteria, self.chains, self._offered[1])
         free = np.zeros((self.heads.size - len(paid), len(criteria)), np.int64)
         self.spending.hold(free.size * 8 + len(free) * ARC, f"{self.words} was built")

@@ -63,7 +63,8 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, movi
         return ends._replace(space=ChainSpeedGraph(model, space.world, cast(Any, space), spending=space.spending))
     if space.states_alone is None or not speeds:
         raise QueryError(
-            f"{space.words} has no states at which this robot could change its speed; give it one, or use a roadmap"
+            f"{space.words} has no states at which this robot could change its speed; give the robot one speed, or use "
+            "a roadmap"
         )
     slowed = start if moving and start >= space.states_alone.size else None
     layered = SpeedGraph(space.model, space.world, space, speeds, tuple(criteria), slowed, spending=space.spending)
