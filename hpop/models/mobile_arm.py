@@ -169,10 +169,9 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws: the executed laws of the base except curves, and the arm's reaches; all from rest to rest.
+        """Motion laws: those that the base executes, except curves, with a run at each speed; and the arm's reaches.
 
-        A base with several speeds has a law of runs for each of them. Beside them are laws of free speed
-        (:mod:`hpop.models.ramps`), which need not begin and end at rest.
+        Only the laws of free speed beside them (:mod:`hpop.models.ramps`) need not begin and end at rest.
         """
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]

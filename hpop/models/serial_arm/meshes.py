@@ -157,10 +157,9 @@ def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, 
 
 
 def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
-    """Return the distinct ones among rows (N, 3) of whole numbers, as np.unique does, but sooner.
+    """Return the first row of each kind among rows (N, 3) of whole numbers, by index, and the kind (N,) of each row.
 
-    The result is the index of the first row of each kind, in the order of the sorted kinds, and the kind (N,) of each
-    row. If its numbers fit 21 bits, a row is packed into one number, so that sorting takes a fifth of the time.
+    Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time.
     """
     if len(rows) and (apart := rows - rows.min(axis=0)).max() < 1 << 21:
         keys = apart.astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])

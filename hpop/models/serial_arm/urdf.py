@@ -119,10 +119,7 @@ class Robot:
 
     @property
     def farthest_tip(self) -> str:
-        """Link after the most moving joints; of several such links, that after the most joints of any kind.
-
-        Links after a joint that mimics another, or that another mimics, come last.
-        """
+        """Link after the most moving joints, none of them mimicking or mimicked; of several, after the most joints."""
         mimicked = {joint.mimic.joint for joint in self.joints.values() if joint.mimic is not None}
 
         def length(link: str) -> tuple[int, int]:

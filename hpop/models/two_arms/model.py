@@ -48,7 +48,8 @@ class TwoArms(Model):
 
     The working arm moves as given, evenly between the rows of its motion; a trajectory is sampled every 0.01 s. Every
     plan of the viewing arm begins and ends with that motion. The body "work_tool" is the working arm's tool; criteria
-    may have it as their target, as in ``{"look_at": {"target": "work_tool"}}``. ``occlusion`` counts both arms.
+    may have it as their target, as in ``{"look_at": {"target": "work_tool"}}``. ``occlusion`` counts both arms. The
+    pace of a state says how fast the arm moves, as a share of its top speed. Users may leave pace and time out.
     """
 
     name: ClassVar[str]
