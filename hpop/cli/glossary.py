@@ -183,8 +183,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         ),
         _entry(
             "far, link, links",
-            """In a roadmap of configurations, each random state is linked to its nearest neighbours and to `far` states
-            that are farther away, each the nearest one in a random part of all states.""",
+            """In a roadmap of configurations, each random state is linked to its nearest neighbours. It is also linked
+            to `far` states that are farther away: each is the nearest one in a random part of all states.""",
         ),
         _entry(
             "guide, guides",

@@ -1,10 +1,10 @@
 """Orientation that an arm keeps along all motions: the angle between an axis of tool or camera and a fixed direction.
 
 An upright cup keeps the tool's up axis within some degrees of the vertical; a level view keeps the camera's left axis
-at 90 degrees to it, plus or minus some degrees. Along a motion with share s, the angle changes at most by the angular
-speed of the axis, which is at most the sum of the speeds of the joints that can turn it. So if the angle is a distance
-d within its bounds at s, it is within them at all s' with |s' - s| Λ < d. Intervals of s are tested as in the collision
-test (:mod:`hpop.models.serial_arm.certificate`).
+at 90 degrees to it, plus or minus some degrees. Let s be the share of a motion that is done. As s grows, the angle
+changes at most by Λ ds, where Λ is the sum of the changes per share of all joints that can turn the axis. So if the
+angle is a distance d within its bounds at s, it is within them at all s' with |s' - s| Λ < d. Intervals of s are tested
+as in the collision test (:mod:`hpop.models.serial_arm.certificate`).
 """
 
 from __future__ import annotations

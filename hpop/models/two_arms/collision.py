@@ -172,8 +172,8 @@ class TwoArmsCollision:
     ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Cut motions (M,) into P pieces; return arrays with a row for each piece.
 
-        They are the index of its motion (P,), the joint values of both arms at its begin and at its end (P, n), and how
-        far each joint strays from an even change in between (P, n).
+        The arrays are the index of its motion (P,), and the joint values of both arms at its begin and at its end, each
+        (P, n). The last one (P, n) says how far each joint strays from an even change in between.
         """
         lasts, joints = end.time - start.time, self.arms.view.joints
         ends = [[law.slopes(name, start, end, np.full(lasts.size, u))[1] for name in joints] for u in (0.0, 1.0)]

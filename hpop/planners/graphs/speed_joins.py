@@ -1,9 +1,9 @@
 """Joins of start and goals in a graph of speeds: one copy of each for every class in which its moves may be driven.
 
-A join connects an added node (start, goal or a state of a stop) to a state of the graph, by a chain of motions such as
-turn, move, turn (:class:`.arcs.MotionChains`). A class is one of the model's speeds. Layer 0 is rest, and layer i is
+A join connects an added node (start, goal or a state of a stop) to a state of the graph. It is a chain of motions such
+as turn, move, turn (:class:`.arcs.MotionChains`). A class is one of the model's speeds. Layer 0 is rest, and layer i is
 class i (:mod:`.speeds`). A copy of a join is its chain of motions with all moves in one class, and with the changes of
-speed that this takes.
+speed that these moves need.
 
 In paths of the graph, one direct change of speed replaces several at one state.
 """

@@ -5,9 +5,8 @@ pan of a camera), Z stances (stations that need separate collision checks: all S
 motions in place from a station.
 
 Most arcs of a lattice turn in place. Many criteria, such as the duration or the number of turns, give a turn the same
-cost at every position, so that the costs of motions that stay at a position are computed once for all positions. To
-find these criteria, each is evaluated on motions that record whether it reads the position
-or the world.
+cost at every position. For these, the costs of motions that stay at a position are computed once for all positions. To
+find these criteria, each is evaluated on motions that record whether it reads the position or the world.
 """
 
 from __future__ import annotations
