@@ -111,6 +111,12 @@ def places(app: Sphinx, target: str) -> dict[tuple[str, str], str]:
     }
 
 
+def documented(app: Sphinx, target: str) -> dict[tuple[str, str], str]:
+    """Pages and places in them that document a name with this end, such as a method that a package's name gives."""
+    objects = app.env.domains.python_domain.objects
+    return {(it.docname, it.node_id): name for name, it in objects.items() if name.endswith(f".{target}")}
+
+
 def resolve(app: Sphinx, env: BuildEnvironment, node: pending_xref, content: nodes.Element) -> nodes.Node | None:
     """Return the link or the code for an unresolved reference to Python; None if the name exists nowhere."""
     if node.get("refdomain") != "py":
@@ -144,7 +150,7 @@ def lead_back(app: Sphinx, page: str, template: str, context: dict[str, Any], do
         pieces = link[2].split(".")
         for begin in range(len(pieces)):
             within = ".".join(pieces[begin:])
-            found = places(app, f"{module}.{within}") or places(app, within)
+            found = places(app, f"{module}.{within}") or places(app, within) or documented(app, within)
             if len(found) == 1:
                 ((docname, place),) = found
                 return f'{link[1]}{app.builder.get_relative_uri(page, docname)}#{place}"'
