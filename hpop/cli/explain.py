@@ -35,7 +35,8 @@ def print_criteria(console: Console | None = None) -> None:
 def declared(item: Any) -> str:
     """Describe a registered item in one line: its fields; for a criterion also unit, aggregate and requirements.
 
-    Of an export format, which has no fields, it is the ending of its files.
+    If the name of a criterion does not say what it measures, ``quantity`` comes first. An export format has no fields;
+    the line has the ending of its files.
     """
     parts = [_fields(item)] if dataclasses.is_dataclass(item) else [getattr(item, "suffix", "")]
     if hasattr(item, "aggregate"):

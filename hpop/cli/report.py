@@ -265,7 +265,7 @@ def _labels(names: Sequence[str]) -> Text:
 
 
 def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence[str]]) -> Table:
-    """Return the table of a front: row number, costs, reported values, order of stops on a tour, and labels."""
+    """Return the table of a front: row number, costs, reported values, speeds, order of stops, and labels."""
     table = plain_table()
     table.add_column("#", justify="right")
     for words in headers(front):

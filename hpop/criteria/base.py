@@ -299,7 +299,10 @@ def class_of(criterion: Criterion) -> type:
 
 
 def check_requirements(criterion: Criterion, model: Model, world: World) -> None:
-    """Raise CriterionError if model and world lack something that a criterion requires; suggest other criteria."""
+    """Raise CriterionError if model and world lack something that a criterion requires.
+
+    The error suggests other criteria; for a requirement that hpop does not know, it suggests known ones.
+    """
     absent = lacking(with_optional_members(criterion, CRITERION_DEFAULTS).requires, model, world)
     if not absent:
         return

@@ -74,6 +74,7 @@ class JointsAt(GoalDefaults):
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
         """Return at most ``count`` states (n,): first one at the values themselves, then others within the tolerances.
 
+        If the robot must keep an orientation, states are moved within the tolerances until they keep it, if possible.
         Raises QueryError for an unknown joint, and for a value that is beyond its joint's limits by over the tolerance.
         """
         count, rng = checked_count(count), np.random.default_rng(rng)

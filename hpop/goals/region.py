@@ -60,8 +60,8 @@ class Miss(NamedTuple):
 class InverseKinematics:
     """Search for states in a model's state space that put one of its bodies into a region.
 
-    also  another region, in which its body shall be as well; None for none. Bounds of its coordinates follow those of
-          ``region`` in all arguments
+    also  a second region, for its own body, that the states must be in as well; None for none. Its coordinates follow
+          those of ``region`` in all arrays
     """
 
     model: Model
@@ -74,7 +74,7 @@ class InverseKinematics:
         return (self.region,) if self.also is None else (self.region, self.also)
 
     def bounds(self, rows: int) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds of all coordinates (rows, k)."""
+        """Return the lower and the upper bounds (rows, k) of the coordinates of all regions, equal in each row."""
         sides = zip(*(region.bounds for region in self._regions), strict=True)
         low, high = (np.tile(np.concatenate(side), (rows, 1)) for side in sides)
         return low, high
@@ -88,13 +88,13 @@ class InverseKinematics:
         return np.stack([getattr(states, name) for name in self.space.names], axis=1)
 
     def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
-        """Return how far (M, k), with sign, the region's coordinates are outside bounds (M, k) or (k,); 0 inside."""
+        """Return how far (M, k), with sign, coordinates of all regions are outside bounds (M, k) or (k,); 0 inside."""
         columns = [each.coordinates(self.model.pose(each.body, states)) for each in self._regions]
         found = _stacked(tuple(chain.from_iterable(columns)), states.size)
         return found - np.clip(found, low, high)
 
     def miss(self, states: States) -> Miss:
-        """Return how far the body is outside the region in each state (M,)."""
+        """Return how far the body is outside ``region`` in each state (M,); ``also`` does not count."""
         low, high = self.bounds(states.size)
         lengths = self.region.lengths
         excess = self.excess(states, low, high)[:, : lengths.size]
@@ -149,7 +149,7 @@ class InverseKinematics:
         return -(jacobian.transpose(0, 2, 1) @ pull)[:, :, 0]
 
     def _jacobian(self, states: States) -> FloatArray:
-        """Return the derivatives (m, k, n) of the region's coordinates with respect to the state variables."""
+        """Return the derivatives (m, k, n) of the coordinates of all regions with respect to the state variables."""
         poses = [self.model.pose(each.body, states) for each in self._regions]
         columns = []
         for name in self.space.names:

@@ -303,7 +303,7 @@ class MobileArm(OnBase, Model):
         return leg._replace(end=States(**a.__dict__ | leg.end.__dict__))
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the execution of a plan: the plan itself, with consecutive runs in one straight line joined.
+        """Return the execution of a plan: the plan, with consecutive runs at one speed in one straight line joined.
 
         The planned motions already go from rest to rest. Also return the times (n+1,), s, at which the robot passes the
         planned states.
@@ -312,7 +312,7 @@ class MobileArm(OnBase, Model):
         return rest_to_rest_execution(trajectory, {kind: kind for kind in kinds})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each fault: of the base, of joints beyond limits, and of driving with an unfolded arm."""
+        """Yield a text for each fault: of the base, of joints or free speeds beyond limits, of driving unfolded."""
         yield from self.base.faults(trajectory)
         yield from ramp_faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))
@@ -323,7 +323,7 @@ class MobileArm(OnBase, Model):
             yield f"drives with its arm unfolded in motion {i}, a {trajectory.kinds[i]}"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of motions with a possible fault of base or arm, or that drive with an unfolded arm."""
+        """Return a mask (M,) of motions with a possible fault of base, arm or speed, or with an unfolded arm."""
         found = (
             doubtful_ramps(law, start, end)
             | self.base.doubtful(law, start, end)

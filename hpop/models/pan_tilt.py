@@ -313,13 +313,13 @@ class PanTilt(OnBase, PlanarModel):
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each motion that the base cannot execute, and for a pan or tilt beyond an end stop."""
+        """Yield a text for each fault: of the base, of free speeds beyond limits, of a pan or tilt beyond a stop."""
         yield from self.base.faults(trajectory)
         yield from ramp_faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of the motions that the base may be unable to execute, or with a head beyond a stop."""
+        """Return a mask (M,) of motions with a possible fault of base or speed, or with a head beyond a stop."""
         wrong = self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
         return wrong | doubtful_ramps(law, start, end)
 

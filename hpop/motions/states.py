@@ -244,7 +244,7 @@ class StateSpace:
     def by_name(self, values: Any, what: str) -> dict[str, Any]:
         """Return a user's values as a dict by column, in order, unchecked.
 
-        Raises QueryError if a column is missing or unknown. The message calls the state ``what``.
+        Raises QueryError, which calls the state ``what``, if a column is unknown, or missing and not :meth:`implied`.
         """
         if isinstance(values, str):
             values = self.called(values, what)

@@ -42,9 +42,9 @@ if TYPE_CHECKING:
 
 
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, moving: bool = False) -> Ends:
-    """Return the graph of speeds, made from a graph that contains start and goals, for the speed classes of the model.
+    """Return the graph in which the robot chooses among the speeds of the model, its ``speed_classes`` or ``paces``.
 
-    ends      graph; start and goals are among its nodes; it is returned if the model has one speed
+    ends      graph without speeds, with start and goals among its nodes; returned as it is if the model has one speed
     criteria  costs that the search minimises
     moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
 

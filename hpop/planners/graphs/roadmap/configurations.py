@@ -43,7 +43,8 @@ class ConfigurationRoadmap(TrajectoryGraph):
 
     Two linked nodes have an arc only if the model can connect them.
 
-    nodes   (P,)    states: the start, the samples, the goals; NaN in coordinates of a goal that may have any value
+    nodes   (P,)    states: the start, the samples, the goals, and states on their straight approaches; NaN in
+                    coordinates of a goal that may have any value
     links   (L, 2)  pairs of nodes, first and last, between which chains are tried, sorted by first node
     goals   node numbers of the goals
     name    description of the roadmap, for certificates

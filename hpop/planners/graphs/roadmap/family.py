@@ -57,7 +57,7 @@ AnyRoadmap: TypeAlias = StateRoadmap | ConfigurationRoadmap
 class RoadmapGraph(GraphFamily):
     """Probabilistic roadmap (Kavraki et al. 1996) of positions, or of configurations of any robot.
 
-    samples     number of random free positions or configurations
+    samples     number of random free positions or configurations; for two_arms, up to half are views of the tool
     neighbours  number of nearest samples to which each sample is linked; None: ceil(2e log n) for n nodes in the plane,
                 as in PRM*, and 8 for other robots
     far         number of farther samples to which each sample is linked as well: each is the nearest one in a random
@@ -99,7 +99,10 @@ class RoadmapGraph(GraphFamily):
     def graphs(
         self, problem: Problem, objectives: Objectives, spending: Spending, *, in_stages: bool = False
     ) -> Iterator[BuiltGraph]:
-        """Yield the whole roadmap; if ``in_stages``, before it a roadmap of the guides alone, or smaller roadmaps."""
+        """Yield the whole roadmap; if ``in_stages``, before it a roadmap of the guides alone, or smaller roadmaps.
+
+        For a robot whose states have a time, only the whole roadmap is yielded.
+        """
         if "time" in problem.model.provides:
             yield self._with_few(_built_graph(self._in_time(problem, spending), problem))
             return
@@ -137,7 +140,7 @@ class RoadmapGraph(GraphFamily):
         return _has_positions(problem)
 
     def roadmap(self, problem: Problem, spending: Spending | None = None) -> AnyRoadmap:
-        """Return the roadmap for a problem; raise QueryError if the start or every goal is blocked."""
+        """Return the roadmap for a problem; raise QueryError if the start is blocked or no goal can be used."""
         spending = spending or Spending()
         if "time" in problem.model.provides:
             return self._in_time(problem, spending)

@@ -108,7 +108,7 @@ class Survey:
 def survey(problem: Problem, trees: int | None, seed: int, spending: Spending) -> Survey:
     """Check start and goals for collisions, draw goal states where needed, and search first paths (guides) to them.
 
-    Raises QueryError if the start or every goal is blocked.
+    Raises QueryError if the start or every goal is blocked, or if no goal has the straight approach that it requires.
 
     Parameters
     ----------

@@ -53,7 +53,8 @@ class Spline:
     This is sequential quadratic programming. It starts from the path, slowed down where cubics need it. Each step moves
     knots, slopes and the total time. In it, distances between bodies are linearised, and costs are replaced by a convex
     quadratic approximation. A step is accepted only if the evaluated costs are lower, and if the collision model proves
-    that the spline is free throughout. So every step is a valid trajectory.
+    that the spline is free throughout. So every step is a valid trajectory. A straight approach at the end of a path
+    stays as it is.
 
     The first results are the paths, as their planner finds them. After a limit or Ctrl-C, the result has all paths and
     all splines proved so far. Workers return the splines of a path together: at Ctrl-C those of unfinished paths are
