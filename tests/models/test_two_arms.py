@@ -254,6 +254,12 @@ def test_refused(change, words):
         two_arms(**change)
 
 
+def test_a_file_without_rows_is_refused(tmp_path):
+    (tmp_path / "work.csv").write_text("# nothing\n")
+    with pytest.raises(ModelError, match=r"must give the time t and the joints of .*, got no columns"):
+        two_arms(motion=tmp_path / "work.csv")
+
+
 def test_a_trajectory_of_another_arm_is_refused():
     way = Trajectory.through(arm6(), arm6().space.state("home"))
     with pytest.raises(ModelError, match="motion is a trajectory of another arm"):

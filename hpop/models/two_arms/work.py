@@ -151,11 +151,11 @@ def _read(path: Path) -> dict[str, Any]:
         if path.stat().st_size > MOST_BYTES:
             raise ValueError(f"it is larger than {MOST_BYTES / 1e6:g} MB")
         with path.open(newline="", encoding="utf-8-sig") as file:
-            names, *rows = csv.reader(line for line in file if not line.startswith("#"))
+            lines = list(csv.reader(line for line in file if not line.startswith("#")))
     except (OSError, ValueError, csv.Error) as error:
         raise ModelError(f"cannot read the motion of the working arm from {shown(str(path))}: {error}") from None
+    names, *rows = [row for row in lines if row] or [[]]
     names = [name.partition("(")[0].strip() for name in names]
-    rows = [row for row in rows if row]
     if any(len(row) != len(names) for row in rows):
         raise ModelError(f"each row of {shown(str(path))} must have {len(names)} numbers, as its first line has names")
     derived = {f"{name}{end}" for name in names for end in ("_rate", "_acceleration")}

@@ -290,10 +290,12 @@ def configuration_roadmap(
     name = f"the roadmap of {len(rows)} samples (seed {seed}) and {near} neighbours of each"
     chosen: dict[str, Any] = {"samples": len(rows), "neighbours": near, "seed": seed}
     if views is not None:
-        name, chosen = f"{name}, {views.size} views", {**chosen, "samples": len(rows) + views.size, "views": views.size}
+        chosen = {**chosen, "samples": len(rows) + views.size, "views": views.size}
     if nearest_in_random_subsets:
         name += f" and {nearest_in_random_subsets} links of each to states farther away"
         chosen = {**chosen, "far": nearest_in_random_subsets}
+    if views is not None:
+        name += f", {views.size} views"
     if at_stops:
         name += f", {sum(map(len, at_stops))} states of stops"
     if pairs:

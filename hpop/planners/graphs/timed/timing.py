@@ -92,7 +92,7 @@ class Timing:
         """Description of the clock, the predictions and the options for time, for certificates."""
         parts = [f"on a clock of {self.options.tick:g} s"]
         hold, ramps = self.timed.hold, self.timed.ramps
-        if self.tour is not None and ramps is not None and (self.tour.needed > 0.0).any():
+        if self.tour is not None and ramps is not None and ramps.half > 0.0 and (self.tour.needed > 0.0).any():
             parts.append(f"standing {2.0 * ramps.half:g} s longer than the dwell at each stop, to stop and start")
         parts.append("without holds" if hold is None else f"with holds of at least {hold:g} s")
         moving = self.timed.moving_people
