@@ -168,11 +168,11 @@ def test_the_occlusion_of_a_moving_tool_is_the_mean_of_that_of_a_tool_that_stand
 
 
 def test_what_is_proved_free_is_free_by_pinocchio_and_coal_and_what_is_blocked_is_near():
-    """40 states along each of 60 motions: no pair of shapes of the two arms nearer than 0.5 mm, and the reverse."""
+    """40 states along each of 24 motions: no pair of shapes of the two arms nearer than 0.5 mm, and the reverse."""
     pytest.importorskip("pinocchio")
     coal = pytest.importorskip("coal")
     arms = two_arms(view=arm6(base=(0.1, 0.45, 0, 0, 0, -0.6)))
-    base, motions = arms.view.base, motions_of(arms, 60, 3)
+    base, motions = arms.view.base, motions_of(arms, 24, 3)
     alone = arms.view.collision(TABLE).motions_free(arms.motions_alone(motions))
     free, judged = arms.collision(TABLE).motions_free(motions), arms.judge(TABLE).motions_free(motions)
     assert not (free & ~judged).any()

@@ -199,7 +199,9 @@ def test_slow_reaches_are_exported_with_limited_jerk() -> None:
     assert list(ARM.faults(limited)) == []
 
 
-@pytest.mark.parametrize("model", [ARM, MOBILE], ids=["arm", "mobile arm"])
+@pytest.mark.parametrize(
+    "model", [pytest.param(ARM, id="arm"), pytest.param(MOBILE, id="mobile arm", marks=pytest.mark.proof)]
+)
 def test_models_with_slower_laws_keep_the_contract(model: Model) -> None:
     check_model(model)
 
