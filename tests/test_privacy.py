@@ -123,7 +123,8 @@ def test_nothing_that_is_written_tells_the_folder_of_a_user(
     run("prefer", out, answers="a\nb\nstop\n")
     run("drive", out, "--events", where / "events.yaml")
     formats = re.findall(r"^  ([a-z0-9-]+)  ", run("formats"), re.MULTILINE)
-    run("export", out, "--format", ",".join(formats))
+    of_joints = {"follow-joint-trajectory", "joint-trajectory", "moveit"}  # this robot has none
+    run("export", out, "--format", ",".join(name for name in formats if name not in of_joints))
     run("study", "init", studied, "--front", out, "--rows", "0,1", "--participants", "2", "--consent",
         where / "consent.txt", "--forms", "comfort")  # fmt: skip
     sessions.answered(study.Design.load(home / "study"), home / "study", ["p01", "p02"])

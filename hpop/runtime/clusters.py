@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
 from importlib import import_module
 from typing import Any, TypeVar
@@ -28,20 +29,31 @@ class _Cluster(Executor):
         remote = self._client.submit(fn, *arguments, **named, pure=False)
         local: Future[T] = Future()
         local.add_done_callback(lambda ended: remote.cancel() if ended.cancelled() else None)
-        self._client.loop.add_callback(_copy_outcome, remote, local)
+        self._client.loop.add_callback(self._copy_outcome, remote, local)
         return local
 
+    async def _has_scheduler(self) -> bool:
+        """Return True if the scheduler answers. The client may notice later than its jobs that it does not."""
+        try:
+            await asyncio.wait_for(self._client.scheduler.identity(), CONNECT)
+        except Exception:  # errors of a lost connection have many types
+            return False
+        return True
 
-async def _copy_outcome(remote: Any, local: Future[Any]) -> None:
-    """Wait for a Dask job, and copy its result or error to the future ``local``."""
-    try:
-        result = await remote
-    except Exception as error:
-        if local.set_running_or_notify_cancel():
-            local.set_exception(error)
-    else:
-        if local.set_running_or_notify_cancel():
-            local.set_result(result)
+    async def _copy_outcome(self, remote: Any, local: Future[Any]) -> None:
+        """Wait for a Dask job, and copy its result or error to the future ``local``.
+
+        Whatever error a lost scheduler causes, the job has then not failed but ended without a result: CancelledError.
+        """
+        try:
+            result = await remote
+        except Exception as error:
+            is_lost = not await self._has_scheduler()
+            if local.set_running_or_notify_cancel():
+                local.set_exception(CancelledError() if is_lost else error)
+        else:
+            if local.set_running_or_notify_cancel():
+                local.set_result(result)
 
 
 @contextmanager
