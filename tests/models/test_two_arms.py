@@ -242,7 +242,7 @@ def test_a_trajectory_a_file_and_a_table_are_one_motion(tmp_path):
         ({"motion": sweep([[0, 0, 0]], [0])}, "2 to 100,000 rows"),
         ({"motion": {"times": [0, 1], "joints": {"elbow": [0, 0]}}}, "must give the time t and the joints of the work"),
         ({"motion": sweep([[0, 9, 0]] * 3)}, "is at 9 in row 0 of its motion, beyond its limits"),
-        ({"motion": "no such file.csv"}, "cannot read the motion of the working arm from"),
+        ({"motion": "no such file.csv"}, "of the working arm from 'no such file.csv': No such file.*; check the path"),
         ({"view": arm6(velocity_scaling=[0.5, 1.0])}, "the viewing arm must have one velocity_scaling"),
         ({"step": 0}, "step must be a time in s"),
         ({"view": "arm"}, "view must be a serial arm"),

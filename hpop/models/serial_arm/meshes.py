@@ -127,7 +127,7 @@ def read_surface(data: bytes, path: Path, scale: FloatArray, most_faces: int) ->
         raise mesh_error(
             path,
             f"expected 1 to {most_faces:,} faces, found {len(faces):,}; decimate it (trimesh's "
-            "simplify_quadric_decimation, MeshLab and Blender do), or give meshes: hull"
+            "simplify_quadric_decimation, MeshLab and Blender do)" + ", or give meshes: hull" * (most_faces < 10**6)
             if len(faces)
             else f"expected 1 to {most_faces:,} faces, found none; export the mesh again",
         )

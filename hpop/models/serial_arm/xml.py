@@ -5,6 +5,7 @@ An entity may expand to a thousand others, or include a local file. Neither URDF
 
 from __future__ import annotations
 
+import errno
 import math
 import os
 from pathlib import Path
@@ -138,8 +139,9 @@ def file_bytes(path: Path, what: str, most: int) -> bytes:
     try:
         data = read_regular(path, most)
     except OSError as error:
+        way = "make it smaller (decimate a mesh)" if error.errno == errno.EFBIG else "check the path"
         raise ModelError(
-            f"the {what} {shown(str(path), 400)} cannot be opened: {error.strerror or error}; check the path"
+            f"the {what} {shown(str(path), 400)} cannot be opened: {error.strerror or error}; {way}"
         ) from None
     if not data:
         raise ModelError(f"the {what} {shown(str(path), 400)} must not be empty, but it has no bytes; restore the file")

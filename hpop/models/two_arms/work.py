@@ -153,7 +153,8 @@ def _read(path: Path) -> dict[str, Any]:
         with path.open(newline="", encoding="utf-8-sig") as file:
             lines = list(csv.reader(line for line in file if not line.startswith("#")))
     except (OSError, ValueError, csv.Error) as error:
-        raise ModelError(f"cannot read the motion of the working arm from {shown(str(path))}: {error}") from None
+        said = f"{error.strerror}; check the path" if isinstance(error, OSError) else error
+        raise ModelError(f"cannot read the motion of the working arm from {shown(str(path))}: {said}") from None
     names, *rows = [row for row in lines if row] or [[]]
     names = [name.partition("(")[0].strip() for name in names]
     if any(len(row) != len(names) for row in rows):

@@ -117,7 +117,10 @@ def read(path: str | Path) -> World:
         Solid(shape, thing.pose @ within, name) for name, thing in objects.items() for shape, within in thing.shapes
     ]
     if not solids:
-        raise MapError(f"{named(path)} has no collision object with a shape to build a world from.")
+        raise MapError(
+            f"{named(path)} has no collision object with a shape to build a world from. Add one, "
+            "such as a box for the table, or give the world solids: {extent: [[-2, -2], [2, -2], [2, 2], [-2, 2]]}."
+        )
     world = World.from_solids(solids)
     source = file_source("moveit_scene", path, {}, content)
     notes = [*dict.fromkeys(notes), *world.notes]

@@ -8,6 +8,7 @@ import pytest
 from hpop.errors import ModelError
 from hpop.models import SerialArm
 from hpop.models.serial_arm.convex import DEEPEST, EXACT, MOST_CORNERS, convex_body, depth, enclosing, is_convex
+from hpop.models.serial_arm.meshes import MOST_BYTES
 from tests.models.serial_arm.arms import CRANE
 
 trimesh = pytest.importorskip("trimesh")
@@ -116,6 +117,21 @@ def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, sai
         (tmp_path / name).write_text("OFF\n1 1 0\n0 0 0\n3 0 1 2\n")
     with pytest.raises(ModelError, match=said):
         with_mesh(tmp_path, name, meshes="exact")
+
+
+def test_a_mesh_that_is_too_large_is_to_be_decimated(tmp_path):
+    with (tmp_path / "big.stl").open("wb") as file:
+        file.truncate(MOST_BYTES + 1)
+    with pytest.raises(ModelError, match=r"big.stl' cannot be opened: expected at most .*; make it smaller \(decimate"):
+        with_mesh(tmp_path, "big.stl")
+    head = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    )
+    head += "element face 1000001\nproperty list uchar int vertex_indices\nend_header\n"
+    faces = np.array([(3, (0, 1, 2))] * 2, [("count", "u1"), ("of", "<i4", 3)])[:1].repeat(1_000_001)
+    (tmp_path / "many.ply").write_bytes(head.encode() + np.eye(3, dtype="<f4").tobytes() + faces.tobytes())
+    with pytest.raises(ModelError, match=r"expected 1 to 1,000,000 faces, found 1,000,001; decimate it .*do\)$"):
+        with_mesh(tmp_path, "many.ply")
 
 
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):

@@ -25,6 +25,7 @@ ROBOTS = {
     "xArm7": ("xarm_description/urdf/xarm7.urdf", "link7", "xarm7_description"),
     "Kinova Jaco": ("kinova_description/robots/kinova.urdf", "j2s6s200_end_effector", "j2s6s200_description"),
     "Kinova Gen3": ("", "end_effector_link", "gen3_description"),
+    "Kinova Gen3 lite": ("", "end_effector_link", "gen3_lite_description"),
     "SO-100": ("so_arm_description/urdf/so100.urdf", "gripper", "so_arm100_description"),
     "SO-101": ("so_arm_description/urdf/so101.urdf", "gripper_link", "so_arm101_description"),
     "TIAGo": ("tiago_description/robots/tiago.urdf", "arm_tool_link", "tiago_description"),
@@ -50,10 +51,11 @@ def found(name: str) -> tuple[Path, str, dict[str, Path]]:
         return path, tip, {"example-robot-data": path.parents[3]}
     try:  # fetches from the network, which tests do not have everywhere
         described = importlib.import_module(f"robot_descriptions.{module}")
+        urdf = Path(described.URDF_PATH)  # some have a xacro file only
     except Exception as error:
         pytest.skip(f"{name}: not in example-robot-data, and robot_descriptions has none: {type(error).__name__}")
     packages = {Path(described.PACKAGE_PATH).name: Path(described.PACKAGE_PATH)}
-    return Path(described.URDF_PATH), tip, packages
+    return urdf, tip, packages
 
 
 @pytest.mark.proof

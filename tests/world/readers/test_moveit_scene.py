@@ -196,7 +196,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         ("", "is empty"),
         ("3", r"must be a yaml mapping; got 3"),
         ("world: {}", r"must be a planning scene, with world: \{collision_objects"),
-        ("world: {collision_objects: []}", "no collision object with a shape"),
+        ("world: {collision_objects: []}", r"no collision object with a shape.*\{extent: "),
         ("world: &a {collision_objects: *a}", "aliases are not read"),
         ("a: " + "[" * 50, "more than 20 deep"),
         (changed(*OBJECTS, to=3), "collision_objects must be a list; got 3"),
