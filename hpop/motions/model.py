@@ -176,6 +176,8 @@ class Model(Protocol):
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
     with_scene     method: takes a world, returns the robot with the objects that a planning scene attaches to its links
                    (``world.link_rules``); default: the robot as it is
+    joinable       method: takes states a and b (M,), returns a mask (M,): whether ``connect`` leads from a to b itself,
+                   not to a later state; default all True
     judge_by       method: takes the name of a collision library and a world, returns the collision test for
                    verification that uses it; default: ``judge`` for "fcl", others are refused
     """
@@ -301,6 +303,9 @@ class Model(Protocol):
         def with_scene(self, world: World) -> Model:
             return self
 
+        def joinable(self, a: States, b: States) -> BoolArray:
+            return np.ones(a.size, dtype=np.bool_)
+
 
 class Wheeled(Model, Protocol):
     """Model that provides "wheels": two driven wheels or tracks, left and right of the axis of its base.
@@ -342,8 +347,8 @@ class ModelInTime(Model, Protocol):
     """Model that provides "time", for a robot beside something that moves as given; the last state is the time, s.
 
     Every trajectory begins at time 0 and ends at the largest time of the space. The first states are those of the
-    timeless model. States between them and the time are 0 where the robot rests. If the wanted end is too soon,
-    ``connect`` ends the motion later.
+    timeless model. States between them and the time are 0 where the robot rests. If the wanted end is too soon, which
+    ``joinable`` says, ``connect`` ends the motion later.
     """
 
     @property
@@ -394,6 +399,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "notes": (),
     "judge_by": _judge_by,
     "with_scene": lambda model, world: model,
+    "joinable": lambda model, a, b: np.ones(a.size, dtype=np.bool_),
 }
 """Values of a model's optional members."""
 

@@ -38,6 +38,7 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law
+DRAWS = 50  # of pairs of states, until enough of them are joinable
 STATES = 200  # random states that are read and connected
 JUDGED = 80  # random states, and random motions of each law, that are checked for collisions
 HELD = 2.0  # s, duration of the hold in a trajectory
@@ -168,6 +169,23 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
     return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
 
 
+def drawn_pairs(model: Model, world: World, rng: np.random.Generator, size: int) -> tuple[States, States]:
+    """Return random states a and b (size,) that the model calls joinable; raise ModelError if there are too few."""
+    names, drawn = model.space.names, 0
+    pairs: list[FloatArray] = []
+    for _ in range(DRAWS):
+        a, b = (drawn_states(model, world, rng, size) for _ in range(2))
+        pairs.append(np.array([[getattr(end, name) for end in (a, b)] for name in names])[..., model.joinable(a, b)])
+        if (drawn := drawn + pairs[-1].shape[-1]) >= size:
+            columns = dict(zip(names, np.concatenate(pairs, axis=-1)[..., :size], strict=True))
+            ends = [States(**{name: column[end] for name, column in columns.items()}) for end in (0, 1)]
+            return ends[0], ends[1]
+    raise ModelError(
+        f"expected some joinable pairs among {DRAWS * size} of random states, found {drawn} of the {size} that are "
+        "needed; give the robot more time, or check joinable()"
+    )
+
+
 def drawn_motions(
     model: Model, kind: str, world: World, rng: np.random.Generator, size: int, share: float = 1.0
 ) -> Motions | None:
@@ -180,7 +198,7 @@ def drawn_motions(
         return holds(world, model, drawn_states(model, world, rng, size), rng)
     if is_curve(law):
         return random_motions(rng, world, model, kind, size) if kind == "drive" else None
-    start, other = (drawn_states(model, world, rng, size) for _ in range(2))
+    start, other = drawn_pairs(model, world, rng, size)
     changes, ones = space.differences(start, other), np.ones(size)
     end = States(**{n: getattr(start, n) + share * changes[n] * (n in law.varies) for n in space.names})
     # A law may change states together (a head turns back while its base turns), which determines where it can end.
@@ -268,7 +286,7 @@ def _judge_fault(model: Model, world: World, rng: np.random.Generator) -> str:
 
 def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> str:
     space = model.space
-    a, b = (drawn_states(model, world, rng, STATES) for _ in range(2))
+    a, b = drawn_pairs(model, world, rng, STATES)
     number = np.arange(STATES)  # every fifth stays in place, every seventh has free angles
     columns = {n: np.where(number % 5 > 0, getattr(b, n), getattr(a, n)) for n in space.names}
     columns |= {n: np.where(number % 7 > 0, columns[n], np.nan) for n in space.angles}
@@ -294,10 +312,23 @@ def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> s
 
 
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
-    """Return a trajectory with a hold through random states, which the model connects."""
+    """Return a trajectory with a hold through random states, which the model connects.
+
+    Where time is a state, it goes from the first time to the last, between two states that are joinable, with waits.
+    """
+    if "time" in model.provides:
+        return Trajectory.through(model, _in_time(model, *drawn_pairs(model, world, rng, 1)))
     through = Trajectory.through(model, drawn_states(model, world, rng, 5))
     rests = np.flatnonzero(getattr(through.states, SPEED, np.zeros(len(through) + 1)) == 0.0)
     return through.with_hold(at=int(rests[rests.size // 2]), seconds=HELD)
+
+
+def _in_time(model: Model, a: States, b: States) -> States:
+    """Return states a and b (1,), and before and after them the same joints at the first and the last time."""
+    space, time = model.space, model.space.names[-1]
+    times = [space.low[-1], getattr(a, time), getattr(b, time), space.high[-1]]
+    columns = {name: [getattr(a, name)] * 2 + [getattr(b, name)] * 2 for name in space.names}
+    return States(**{name: np.hstack(parts) for name, parts in (columns | {time: times}).items()})
 
 
 def _stations_fault(model: PlanarModel) -> str:

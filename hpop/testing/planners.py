@@ -159,6 +159,9 @@ def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, St
     extent = shapely.box(0, 0, *ROOM)  # its border is no wall for robots in space
     nowhere = World.from_solids([], extent=extent)
     states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))
+    if "time" in model.provides:  # the first state is the start, the others are goals
+        time, (low, high) = model.space.names[-1], (model.space.low[-1], model.space.high[-1])
+        states = States(**states.__dict__ | {time: np.where(np.arange(states.size) > 0, high, low)})
     pose = model.pose("camera", states)
     places = np.stack([pose.x, pose.y, pose.z], axis=1)
     start = states.take(slice(1))

@@ -21,6 +21,7 @@ from hpop.planners.base import make_planner
 from hpop.problems.problem import Problem
 from hpop.testing.planners import planner_checks, small_problem
 from tests.models.serial_arm.arms import arm6
+from tests.two_arms import BESIDE, sweep, two_arms
 
 PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 COARSE: dict[str, Any] = {"lattice": {"step": 0.5}}
@@ -41,17 +42,18 @@ OPTIONS: dict[str, dict[str, Any]] = {
 
 
 def models_here() -> dict[str, Any]:
-    """Return hpop's models, arms among them, and those of the example plugin.
-
-    "two_arms" is left out: it needs the motion of another arm, and has tests of its own.
-    """
+    """Return hpop's models, arms among them, and those of the example plugin."""
     sys.path.insert(0, str(PLUGIN))
     try:
         importlib.import_module("hpop_example_plugin.holonomic")
     finally:
         sys.path.remove(str(PLUGIN))
-    names = [name for name, cls in models.items() if cls.__module__.startswith("hpop") and name != "two_arms"]
-    arms = {"serial_arm": arm6(tip="forearm"), "mobile_arm": MobileArm(arm6(tip="forearm", base=ON_TOP))}
+    names = [name for name, cls in models.items() if cls.__module__.startswith("hpop")]
+    arms = {
+        "serial_arm": arm6(tip="forearm"),
+        "mobile_arm": MobileArm(arm6(tip="forearm", base=ON_TOP)),
+        "two_arms": two_arms(view=arm6(tip="forearm", base=BESIDE), motion=sweep(times=[0.0, 2.0, 6.0]), step=1.0),
+    }
     return {name: arms[name] if name in arms else make_model(name) for name in names}
 
 
@@ -70,10 +72,13 @@ LESS = {
 }
 
 
+SLOW = ("mobile_arm", "two_arms")
+
+
 def in_proof(case: Any, model: str) -> Any:
-    """Mark a case for the proof where its motions take seconds: an arm on a base, beside an arm and a base."""
+    """Mark a case for the proof where its motions take seconds: an arm on a base or beside another arm."""
     values = case if isinstance(case, tuple) else (case,)
-    return pytest.param(*values, marks=pytest.mark.proof) if model == "mobile_arm" or case in LESS else case
+    return pytest.param(*values, marks=pytest.mark.proof) if model in SLOW or case in LESS else case
 
 
 @cache

@@ -213,11 +213,19 @@ class TwoArms(Model):
 
         If b is too early, the motion ends later, after the least time that the joints need.
         """
-        (leg,) = self.view.connect(self.alone(a), self.alone(b))
-        soonest = a.time + self.law.least(a, leg.end)
-        time = np.where(b.time >= soonest - SAME * self.step, b.time, soonest)
+        leg, soonest = self._soonest(a, b)
+        time: Column = np.where(b.time >= soonest - SAME * self.step, b.time, soonest)
         end = States(**{**leg.end.__dict__, PACE: 0.0 * time, TIME: time})
         return [Leg(self.law.kind, end, leg.present | (time > a.time))]
+
+    def joinable(self, a: States, b: States) -> BoolArray:
+        """Return a mask (M,): whether state b is late enough for a motion from state a."""
+        return np.asarray(b.time >= self._soonest(a, b)[1] - SAME * self.step)
+
+    def _soonest(self, a: States, b: States) -> tuple[Leg, Column]:
+        """Return the viewing arm's motion from states a to b, and the earliest time (M,), s, at which it can end."""
+        (leg,) = self.view.connect(self.alone(a), self.alone(b))
+        return leg, a.time + self.law.least(a, leg.end)
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Return the plan itself and its times, because the arm executes its motions as planned."""
