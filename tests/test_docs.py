@@ -231,6 +231,7 @@ def test_an_arm_is_planned_for_as_its_page_says(tmp_path, monkeypatch):
     assert verify(problem, front) == verify(problem, smooth) == []
 
 
+@pytest.mark.proof
 def test_the_five_minutes_from_moveit_run_as_they_are_printed(tmp_path, monkeypatch):
     """Every command of the section; the joint trajectory is read back, and ends along the line that was asked for."""
     (tmp_path / "examples").symlink_to(ROOT / "examples")

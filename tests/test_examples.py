@@ -258,6 +258,7 @@ def test_a_batch_compares_planners_on_the_same_problems(tmp_path, capsys):
     assert (tmp_path / "batch" / "summary.png").stat().st_size > 1000
 
 
+@pytest.mark.proof
 def test_each_guided_tour_stands_ten_seconds_with_each_of_its_exhibits_in_view(tmp_path, capsys):
     guided = example("10_guided_tour.py")
     front = guided.main(tmp_path, step=1.0)
@@ -296,6 +297,7 @@ def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
     assert {path.name for path in tmp_path.iterdir()} == {"drive.json", "drive.png", "plan.png"}
 
 
+@pytest.mark.proof
 def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, monkeypatch):
     drawn = []
 
@@ -317,6 +319,7 @@ def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, mo
         assert_cans_seen(arms.CANS, trajectory, origin["visits"])
 
 
+@pytest.mark.proof
 def test_two_arms_plan_a_view_of_the_work(tmp_path, monkeypatch):
     """The pictures take as long as all the planning, so only the side view is drawn."""
     drawn = []

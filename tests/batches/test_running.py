@@ -42,6 +42,7 @@ def costs_of(results):
     return {case: np.array(rows) for case, rows in found.items()}
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("workers", [None, 2])
 def test_rows_are_the_fronts_that_each_problem_has_alone(tmp_path, workers):
     asked = problems()

@@ -78,6 +78,7 @@ def near(arm: hpop.SerialArm, world: World, state: States) -> dict[frozenset[str
     return found
 
 
+@pytest.mark.cases("turning")
 @pytest.mark.parametrize("kind", ["turning", "sliding"])
 def test_what_the_page_calls_a_collision_is_nearer_than_half_a_millimetre_to_coal(
     opened: Open, tmp_path: Path, kind: str
@@ -113,6 +114,7 @@ def test_what_the_page_calls_a_collision_is_nearer_than_half_a_millimetre_to_coa
     assert 4 < collided < 38
 
 
+@pytest.mark.proof
 def test_padding_held_objects_and_kept_axes_count(opened: Open, tmp_path: Path) -> None:
     """The page counts padding as the planner does, and says when an orientation is not kept."""
     arm = arm6(

@@ -29,6 +29,7 @@ def shown(opened: Opened, path: Path, front: hpop.Front, k: int, **how: object) 
     return page
 
 
+@pytest.mark.proof
 def test_nothing_overlaps_at_any_size(opened: Opened, tmp_path: Path) -> None:
     page = shown(opened, tmp_path, seeded.front(60, 8), 8, fragment="#pin=3,7,9&wish=length:12&b=turns:10-18")
     for width, height in SIZES:

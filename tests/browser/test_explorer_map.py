@@ -135,6 +135,7 @@ def grey(colour: FloatArray) -> bool:
     return bool(np.ptp(colour[:3]) < 12 and colour[:3].mean() < 240)
 
 
+@pytest.mark.proof
 def test_each_distinct_run_is_drawn_once_as_numpy_counts_them(plane: Map) -> None:
     runs = {frozenset(run) for way in WAYS for run in pairwise(way)}
     assert plane.page.get_attribute(".map .plot", "data-segments") == str(len(runs)) == "9"
@@ -189,6 +190,7 @@ def test_walls_floor_zones_people_landmarks_and_ends_are_where_they_are(plane: M
     assert all(word in legend for word in ("start", "goal", "person", "landmark", "sees over"))
 
 
+@pytest.mark.proof
 def test_hover_lists_all_that_pass_and_tab_goes_from_one_to_the_next(plane: Map) -> None:
     page = plane.page
     page.mouse.move(*plane.on_screen(6, 7))
@@ -212,6 +214,7 @@ def test_hover_lists_all_that_pass_and_tab_goes_from_one_to_the_next(plane: Map)
     assert not page.is_visible(".picks")
 
 
+@pytest.mark.proof
 def test_hover_draws_no_base_anew_and_picks_only_what_is_selected(plane: Map) -> None:
     page = plane.page
     drawn = page.evaluate("window.hpop.counters.base.length")
@@ -228,6 +231,7 @@ def test_hover_draws_no_base_anew_and_picks_only_what_is_selected(plane: Map) ->
     assert state(page, "s.hovered") == [5, 6, 7]
 
 
+@pytest.mark.proof
 def test_pins_are_drawn_in_their_colours_and_b_is_dashed(plane: Map) -> None:
     plane.page.evaluate("for (const row of [0, 5]) window.hpop.state.pin(row)")
     plane.page.evaluate(explored.FRAME)
@@ -269,6 +273,7 @@ def test_wheel_keys_and_drag_move_the_map_and_0_shows_the_whole_again(plane: Map
     assert alike(plane.picture(), whole)
 
 
+@pytest.mark.proof
 def test_two_fingers_come_nearer_and_one_scrolls_the_page_past_the_whole(
     opened: Callable[..., Page], tmp_path: Path
 ) -> None:
@@ -317,6 +322,7 @@ def test_two_fingers_come_nearer_and_one_scrolls_the_page_past_the_whole(
     assert swiped_up() > 20
 
 
+@pytest.mark.proof
 def test_a_map_of_five_kilometres(opened: Callable[..., Page], tmp_path: Path) -> None:
     world = hpop.World.from_polygons([shapely.box(2000, 1000, 3000, 2000)], extent=shapely.box(0, 0, 5000, 3000))
     way: list[Point] = [(100, 1500), (1500, 2500), (4900, 2500), (4900, 1500)]

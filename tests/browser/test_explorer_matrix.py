@@ -95,6 +95,7 @@ def test_every_pair_has_a_cell_and_every_row_a_point_in_it(matrix: Matrix) -> No
         assert (part * (1 - inside)).sum() == 0  # and nowhere else
 
 
+@pytest.mark.proof
 def test_hover_takes_the_nearest_point_and_every_view_shows_that_row(matrix: Matrix) -> None:
     page, rng = matrix.page, np.random.default_rng(5)
     columns = matrix.values.shape[1]
@@ -173,6 +174,7 @@ def test_pins_have_marks_of_different_shapes(matrix: Matrix) -> None:
     assert found == [[213, 94, 0], [0, 114, 178], [204, 121, 167]]
 
 
+@pytest.mark.proof
 def test_more_columns_than_a_triangle_has_room_for_are_a_chosen_pair(
     opened: Callable[..., Page], tmp_path: Path
 ) -> None:
@@ -194,6 +196,7 @@ def test_more_columns_than_a_triangle_has_room_for_are_a_chosen_pair(
     assert distance[focus] <= distance.min() + 0.05
 
 
+@pytest.mark.proof
 def test_one_column_has_no_pairs_and_says_so(opened: Callable[..., Page], tmp_path: Path) -> None:
     page = opened(explored.written(seeded.problem(2), seeded.front(20, 2), tmp_path / "front.html"))
     explored.until(page, explored.READY)

@@ -118,6 +118,7 @@ def test_a_bound_between_two_steps_excludes_the_next_step(page: Page, front: hpo
     assert counted(page) == len(front.where({"turns": "<=15.7"})) == len(front.where({"turns": "<=15"}))
 
 
+@pytest.mark.proof
 def test_keep_exclude_back_and_forward(page: Page, front: hpop.Front) -> None:
     brush(page, "length", 0.5, -0.2)
     short = selected(page)
@@ -177,6 +178,7 @@ def test_a_link_by_hand_as_the_documents_have_it(page: Page, front: hpop.Front) 
     assert state(page, "s.pins") == [7, None, None]
 
 
+@pytest.mark.proof
 def test_other_data_keep_bounds_pins_and_axes(page: Page, front: hpop.Front) -> None:
     problem = seeded.problem(K)
     brush(page, "length", 0.5, -0.2)
@@ -227,6 +229,7 @@ def test_brushes_and_wishes_of_eight_thousand_rows(browser: Browser, tmp_path: P
     assert watched.errors == []
 
 
+@pytest.mark.proof
 def test_fewer_rows_come_while_some_are_kept(page: Page, front: hpop.Front) -> None:
     problem = seeded.problem(K)
     brush(page, "length", 0.9, -0.2)
@@ -282,6 +285,7 @@ def test_a_bound_holds_where_the_front_says_so(page: Page, front: hpop.Front) ->
     page.evaluate("given => window.hpop.update(given)", explored.payload(seeded.problem(K), front))
 
 
+@pytest.mark.proof
 def test_a_step_back_shows_the_axis_that_it_bounds(page: Page) -> None:
     brush(page, "length", 0.2, 0.6)
     asked = bounds(page)

@@ -72,6 +72,7 @@ def frame(page: Page) -> None:
     page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
 
 
+@pytest.mark.proof
 def test_one_scrubs_and_compares_at_equal_time_and_at_equal_progress(page: Page, front: hpop.Front) -> None:
     round_, straight = (front.trajectories[row].execution() for row in (1, 0))
 

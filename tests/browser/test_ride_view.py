@@ -43,6 +43,7 @@ def ride_to(page: Page, track: int, t: float) -> dict[str, list[float]]:
     return page.evaluate("([track, t]) => { hpopRide.at(track, t); return hpopRide.pose(); }", [track, t])
 
 
+@pytest.mark.proof
 def test_the_horizon_shows_what_rays_meet(page: Page, problem: hpop.Problem, front: hpop.Front) -> None:
     run = front.trajectories[1].execution()
     seen = set()

@@ -156,6 +156,7 @@ def test_a_reload_goes_on_where_it_was_with_the_answers_so_far(enter: Enter, fol
     assert [event["value"] for event in begun] == ["begin", "begin", "end"]
 
 
+@pytest.mark.proof
 def test_who_stops_is_asked_how_they_feel_and_no_more(enter: Enter, folder: Path, design: study.Design) -> None:
     with served(folder) as server:
         someone = enter(f"{server.address()}p01")
@@ -185,6 +186,7 @@ def test_who_stops_is_asked_how_they_feel_and_no_more(enter: Enter, folder: Path
     assert kinds == [("stimulus", "begin"), ("stimulus", "broken")] * 2 + [("stop", None)]
 
 
+@pytest.mark.proof
 def test_what_does_not_arrive_is_said_and_sent_again(enter: Enter, folder: Path) -> None:
     with served(folder) as server:
         port = server.server_address[1]
@@ -216,6 +218,7 @@ def test_of_two_windows_the_earlier_says_that_it_records_no_more(enter: Enter, f
     assert [event["kind"] for event in events(folder)] == ["consent", "start"]
 
 
+@pytest.mark.proof
 def test_opened_as_a_file_it_says_what_a_reload_loses_and_hands_all_over_at_the_end(
     enter: Enter, folder: Path, tmp_path: Path, design: study.Design
 ) -> None:
@@ -244,6 +247,7 @@ def test_opened_as_a_file_it_says_what_a_reload_loses_and_hands_all_over_at_the_
 EVERY_FORM = pytest.param(("mssq", "ssq", "comfort", "naturalness"), 2, 3, marks=pytest.mark.proof)
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize(("forms", "before", "after"), [(("fms", "comfort"), 1, 2), EVERY_FORM])
 def test_on_a_phone_nothing_is_wider_than_the_screen_and_the_keyboard_is_enough(
     enter: Enter, tmp_path: Path, forms: tuple[str, ...], before: int, after: int
@@ -338,6 +342,7 @@ def filmed(path: Path, seconds: float) -> None:
         file.mux(stream.encode(None))
 
 
+@pytest.mark.proof
 def test_a_video_counts_as_watched_once_all_of_it_was_played(enter: Enter, tmp_path: Path) -> None:
     """A participant who jumps to the end must watch it again; the answers record that it was played."""
     design = small_study(tmp_path, "comfort", kind="video")
@@ -362,6 +367,7 @@ def test_a_video_counts_as_watched_once_all_of_it_was_played(enter: Enter, tmp_p
     assert [(video.condition, video.played) for video in session.videos(design)] == [(first, True)]
 
 
+@pytest.mark.proof
 def test_a_page_of_who_has_withdrawn_offers_nothing(enter: Enter, tmp_path: Path) -> None:
     """An open page forgets what it holds as soon as it sends anything; opened again it is no page."""
     small_study(tmp_path, "comfort", kind="video")
@@ -380,6 +386,7 @@ def test_a_page_of_who_has_withdrawn_offers_nothing(enter: Enter, tmp_path: Path
     assert not (tmp_path / "answers" / "p01.json").exists()
 
 
+@pytest.mark.proof
 def test_eleven_numbers_stand_in_one_row_on_a_phone(enter: Enter, tmp_path: Path) -> None:
     small_study(tmp_path, "comfort", kind="video")
     with served(tmp_path) as server:

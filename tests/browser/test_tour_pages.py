@@ -75,6 +75,7 @@ def test_orders_to_choose_say_which_stops_they_miss_and_how_many_rows_they_have(
         assert sorted([*order.split(), *missed.split()]) == list("1234")
 
 
+@pytest.mark.proof
 def test_bounds_and_an_order_both_hold_and_a_link_restores_both(page: Page, front: hpop.Front, orders: Any) -> None:
     order = max(set(orders), key=orders.count)
     page.get_by_label("order of stops").select_option(order)
@@ -135,6 +136,7 @@ def test_a_front_without_a_tour_has_no_orders_to_choose(page: Page, front: hpop.
     page.evaluate("given => window.hpop.update(given)", explored.payload(problem, front))
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("blind", [False, True])
 def test_a_ride_names_the_stop_at_which_it_stands_unless_it_is_blind(
     blind: bool, problem: hpop.Problem, front: hpop.Front, opened: Watched, tmp_path: Path

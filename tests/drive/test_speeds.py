@@ -61,7 +61,7 @@ class Room:
         self.closed.append(area)
 
 
-@pytest.mark.seeds(3, of=40)
+@pytest.mark.seeds(1, of=40)
 def test_options_are_those_of_an_own_label_setting_from_there(seed: int, tmp_path: Path) -> None:
     room = Room(seed)
     problem = room.problem((0.0, 1.0, 0.0))

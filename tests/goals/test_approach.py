@@ -118,6 +118,7 @@ def test_what_is_proved_stays_near_the_line_and_what_is_refused_does_not():
     assert 3 < sum(kept) < len(kept) - 3
 
 
+@pytest.mark.proof
 def test_reaches_at_other_speeds_approach_as_well():
     arm = arm6(velocity_scaling=[0.3, 1.0])
     problem = hpop.Problem(SHELF, arm, "home", ToolAt(ABOVE, approach=DOWN), ["duration", "felt_acceleration"])
@@ -159,6 +160,7 @@ def test_a_base_stands_while_its_arm_approaches():
     assert verify(hpop.Problem.from_description(profiles.problem), profiles) == []
 
 
+@pytest.mark.cases("limited jerk")
 @pytest.mark.parametrize("jerk", [None, 40.0], ids=["any jerk", "limited jerk"])
 def test_a_speed_profile_and_a_pause_leave_the_approach_straight(jerk):
     problem = asked(ToolAt(ABOVE, approach=DOWN))

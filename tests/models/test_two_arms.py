@@ -129,6 +129,7 @@ def test_a_wait_is_a_motion_that_only_takes_time():
     assert look.cost(motions)[0] > 0.1
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("criterion", ["look_at", "view_distance"])
 def test_costs_of_a_moving_target_are_those_of_dense_samples(criterion):
     pytest.importorskip("pinocchio")
@@ -150,6 +151,7 @@ def test_costs_of_a_moving_target_are_those_of_dense_samples(criterion):
         assert cost[i] == pytest.approx(truth, rel=3e-3, abs=2e-4)
 
 
+@pytest.mark.proof
 def test_the_occlusion_of_a_moving_tool_is_the_mean_of_that_of_a_tool_that_stands():
     """At 40 moments the working arm is frozen, with its tool as a fixed target; some links hide it at some of them."""
     arms, shares = two_arms(), []
@@ -203,6 +205,7 @@ def test_states_in_contact_are_named():
     assert "of the working arm at 0 s" in arms.collision(TABLE).why_blocked(state)
 
 
+@pytest.mark.proof
 def test_a_sliding_and_slanting_arm_is_placed_by_the_chain_through_both_as_by_its_own(tmp_path):
     """The working arm has sliding joints and no end stops; the proof reads its chain backwards, the judge forwards."""
     work = crane(tmp_path, base=(0.3, 0.1, -0.2, 0.1, 0.2, 0.3))

@@ -89,6 +89,7 @@ def profiles_of(trajectory, jerk=None, felt=1.0):
     return Profiles(stretches, Discomfort(slopes=slopes, bends=0.0 * slopes), jerk)
 
 
+@pytest.mark.proof
 def test_the_fastest_profile_lasts_as_long_as_trapezoids():
     for seed in range(5):
         path = poses(seed)
@@ -262,6 +263,7 @@ def test_stops_of_reaches_in_one_direction_are_left_out():
     assert front.costs[0, 0] == pytest.approx(whole.duration, rel=1e-6)
 
 
+@pytest.mark.proof
 def test_curves_of_a_base_keep_their_path_and_the_limits_of_wheels():
     controls = [(0.8, 0, 0.8), (0, 1.0, 0.5), (0, -1.0, 1.0), (0, 1.0, 0.5), (-0.4, 0, 1.6)]
     path = driven(ROBOT, (0, 0, 0), controls)

@@ -109,6 +109,7 @@ def test_the_fastest_profile_is_that_of_trapezoids(robot, seed):
     assert fastest.costs[0, 0] <= taken.execution().duration * (1 + 1e-6)
 
 
+@pytest.mark.cases("0-head of several speeds")
 @EVERY
 @pytest.mark.seeds(1, of=20)
 def test_dense_samples_keep_all_limits_and_the_path_stays(robot, seed):

@@ -118,6 +118,7 @@ def test_other_searches_and_bounds_on_costs_give_the_fronts_of_copies(kind):
         assert fronts[0] == fronts[1]
 
 
+@pytest.mark.cases(but=("auto-turns", "auto-four costs"))
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("method", ["auto", "general"])
 def test_a_stopped_search_in_layers_resumes_from_its_checkpoint(kind, method, tmp_path):

@@ -134,6 +134,7 @@ def test_a_margin_is_kept_from_people_who_stand(planner):
     assert len(near.solve({planner: {**options, "margin": 0.5}}))  # who starts within a margin may leave
 
 
+@pytest.mark.proof
 def test_many_motions_out_of_contact_are_tested_in_little_memory():
     """A roadmap of 60 samples had taken 560 MB, ten times what its planner was allowed, for its turns in contact."""
     body = shapely.Point(0.53, 0).buffer(0.25)

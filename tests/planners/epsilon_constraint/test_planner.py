@@ -321,6 +321,7 @@ def test_two_workers_find_the_same_and_whatever_happens_nothing_finished_is_lost
 # What goes wrong
 
 
+@pytest.mark.proof
 def test_programs_that_are_not_kept_are_built_again_and_find_the_same(monkeypatch):
     problem = Problem(OPEN, ROBOT, (1, 2, 0), (5, 2, None), ["exposure", "length"])
     kept = EpsilonConstraint(step=1.0, divisions=1, max_points=4).solve(problem)

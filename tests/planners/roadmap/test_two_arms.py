@@ -138,6 +138,7 @@ def test_a_front_is_that_of_all_timed_paths(seed, goal, near, samples):
     assert not verify(problem, front)
 
 
+@pytest.mark.proof
 def test_plans_keep_the_clock_and_come_out_as_planned():
     arms = two_arms(step=0.2)
     criteria = [LOOK, ROTATE, FAR, {"occlusion": {"target": "work_tool", "rays": 7}}]
@@ -215,6 +216,7 @@ def test_refused(arms, start, goal, words):
         problem.solve("roadmap", samples=10)
 
 
+@pytest.mark.proof
 def test_a_front_without_a_view_of_the_target_says_so():
     arms = two_arms(view=arm6(base=(4.0, 0, 0, 0, 0, 0)))
     problem = hpop.Problem(TABLE, arms, "home", Anywhere(), [LOOK, ROTATE])

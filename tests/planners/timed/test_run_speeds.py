@@ -113,6 +113,7 @@ ANN = Person(2.2, 0.9, velocity=(0.0, -0.4), until=6.0, radius=0.2, name="Ann")
 ROOMY = hpop.DifferentialDrive(radius=0.2, speeds=(0.4, 0.8, 1.2))
 
 
+@pytest.mark.cases(2)
 @pytest.mark.parametrize(
     "planner", [{"lattice": {"step": 0.5}}, {"any-angle": {"step": 0.5}}, {"roadmap": {"samples": 60}}]
 )

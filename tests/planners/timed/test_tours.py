@@ -211,7 +211,7 @@ def some_case(seed: int) -> TourCase:
     return TourCase((crowd,), ROUND, margin, hold, start, stops=stops, within=within, order=order, ticks=ticks)
 
 
-@pytest.mark.seeds(2, of=60)
+@pytest.mark.seeds(1, of=60)
 def test_any_front_of_tours_among_people_is_that_of_all_plans(seed: int) -> None:
     checked(some_case(seed))
 
@@ -287,7 +287,7 @@ def by_labels(case: TourCase, timing: Timing) -> set[Vector]:
     return {*nondominated(solutions)}
 
 
-@pytest.mark.seeds(3, of=60)
+@pytest.mark.seeds(1, of=60)
 def test_costs_of_tours_by_time_are_those_of_a_label_setting_without_layers(seed: int) -> None:
     rng = np.random.default_rng(seed)
     case = replace(some_case(1000 + seed), ticks=60)
@@ -358,6 +358,7 @@ def test_verification_finds_an_execution_that_stands_too_briefly() -> None:
     assert verify(longer, changed) == ["trajectory 0, as it is executed, stands at stop 'door' for 3 s"]
 
 
+@pytest.mark.proof
 @pytest.mark.parametrize("planner", ["lattice", {"roadmap": {"samples": 60}}, "any-angle"])
 def test_each_planner_that_waits_for_people_stands_at_the_stops(planner: Any) -> None:
     is_sampled = isinstance(planner, dict)  # joins of further states to a roadmap would take long

@@ -108,6 +108,7 @@ def test_a_hold_at_the_goal_stays(problem, warm):
     assert again.times == pytest.approx(held.times)
 
 
+@pytest.mark.proof
 def test_the_warm_start_may_be_a_planner_that_visits_stops(problem):
     front = problem.solve("epsilon-constraint", warm_start={"lattice": {"step": 1.0}})
     assert len(front)

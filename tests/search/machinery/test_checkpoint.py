@@ -66,7 +66,9 @@ def short_slices(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "fsync", lambda file: None)
 
 
-@pytest.mark.cases(but=("two-auto-12", "a maximum-auto-12", "wider numbers-auto-12", "wider keys-auto-12"))
+@pytest.mark.cases(
+    but=("two-auto-12", "a maximum-auto-12", "wider numbers-auto-12", "wider keys-auto-12", "wider numbers-general-12")
+)
 @pytest.mark.usefixtures("short_slices")
 @pytest.mark.parametrize("pieces", [pytest.param(3, marks=pytest.mark.proof), 12])
 @pytest.mark.parametrize("method", ["auto", "staircase", "general"])

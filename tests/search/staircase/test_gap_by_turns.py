@@ -56,6 +56,7 @@ def test_no_stop_on_a_lattice_proves_less_than_the_true_gap(
                 assert paths.gap >= eps
 
 
+@pytest.mark.proof
 def test_a_late_stop_within_a_precision_proves_nearly_the_true_gap_on_lattices(lattice: Maker) -> None:
     ratios = []
     for seed in range(12):
