@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol, cast
+from typing import NamedTuple, cast
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from hpop.base.options import real
 from hpop.errors import ModelError
 from hpop.models.laws import Run, Spin
 from hpop.models.speeds import SpeedChange
-from hpop.motions import Model
+from hpop.motions import Model, Wheeled
 from hpop.motions.laws import CHANGE
 from hpop.trajectories.trajectory import Trajectory
 
@@ -47,14 +47,6 @@ class Command(NamedTuple):
 
     v: float
     w: float
-
-
-class Wheeled(Protocol):
-    """Model with two driven wheels: one that provides "wheels"."""
-
-    wheel_base: float
-    wheel_speed: float
-    wheel_acceleration: float
 
 
 @dataclass(frozen=True)
