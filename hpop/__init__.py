@@ -39,6 +39,8 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Planning as Planning
     from hpop.problems.problem import Problem as Problem
     from hpop.problems.retiming import retime as retime
+    from hpop.problems.why import WhyNot as WhyNot
+    from hpop.problems.why import why_not as why_not
     from hpop.runtime.status import Status as Status
     from hpop.trajectories.trajectory import Trajectory as Trajectory
     from hpop.world import Person as Person

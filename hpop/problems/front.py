@@ -28,6 +28,8 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places
 
 if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+    from hpop.problems.why import WhyNot
     from hpop.world import World
 
 FOR_YOU = "for you"
@@ -158,6 +160,30 @@ class Front(frontier.ItemFront[Trajectory]):
         caption = f"{len(self):,} points; the table has the named ones"
         facts = [("status", self.status), ("certificate", self.certificate)]
         return table_html(["#", *headings, ""], rows, caption) + facts_html(facts) + picture_html(self)
+
+    def why_not(
+        self,
+        region: Any = None,
+        *,
+        through: str | None = None,
+        wish: str | Mapping[str, float] | None = None,
+        than: int | str | None = None,
+        problem: Problem | None = None,
+    ) -> WhyNot:
+        """Explain why no path of the front passes somewhere, or has less of a cost; see :func:`hpop.why_not`.
+
+        Parameters
+        ----------
+        problem : the problem of this front. Default: it is built from its description, so that its graph is built too
+        """
+        from hpop.problems.problem import Problem  # they import this module
+        from hpop.problems.why import why_not
+
+        if problem is None:
+            if self.problem is None:
+                raise FrontError("the front does not describe its problem; give problem=")
+            problem = Problem.from_description(self.problem)
+        return why_not(problem, self, region, through=through, wish=wish, than=than)
 
     @property
     def question(self) -> dict[str, Any] | None:
