@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from hpop.drive.script import Happening
 
 FIGURE = "summary.png"
+NO_EVENTS = (
+    "give --events YAML, a file of what happens on the way, such as\n  events:\n    - {at: 3, wish: fewer turns}\n"
+    "docs/drive.md lists the events"
+)
 
 
 @click.command()
@@ -133,7 +137,7 @@ PICTURE, RECORD = "drive.png", "drive.json"
 
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
-@click.option("--events", type=click.Path(path_type=Path), required=True, metavar="YAML", help="Events of the drive.")
+@click.option("--events", type=click.Path(path_type=Path), metavar="YAML", help="File of what happens on the way.")
 @click.option(
     "--row",
     metavar="ROW",
@@ -156,7 +160,7 @@ PICTURE, RECORD = "drive.png", "drive.json"
 @user_errors
 def drive(
     folder: Path,
-    events: Path,
+    events: Path | None,
     row: str | None,
     deadline: float | None,
     speed: float | None,
@@ -170,6 +174,8 @@ def drive(
     another path is better by a margin and can be announced in time. Writes a picture, drive.png, and a record that
     can be replayed, drive.json.
     """
+    if events is None:
+        raise click.UsageError(NO_EVENTS)
     cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)

@@ -184,7 +184,7 @@ def show(
     callback=_numbers,
     help="The trajectory nearest to this cost, such as turns=3. Repeatable.",
 )
-@click.option("--row", type=click.IntRange(0), metavar="N", help="The trajectory of this number in `hpop show`.")
+@click.option("--row", metavar="ROW", help="The trajectory of this number in `hpop show`; or knee, or least NAME.")
 @click.option(
     "--knee", is_flag=True, help="The knee: the compromise farthest below the plane through the extremes. [default]"
 )
@@ -199,7 +199,7 @@ def pick(
     at_most: dict[str, float],
     least: list[str],
     wish: dict[str, float],
-    row: int | None,
+    row: str | None,
     knee: bool,
     person: Path | None,
     csv: Path | None,
@@ -226,7 +226,8 @@ def pick(
     if also:
         front = _with_further(problem_of(path, front), front, also)
     preference = cli.picking.loaded_preference(person)
-    picked = cli.picking.picked(front, at_most, least=least, wish=wish, row=row, preference=preference)
+    number = None if row is None else problems.named_rows.named_rows(front, [row])[0].number
+    picked = cli.picking.picked(front, at_most, least=least, wish=wish, row=number, preference=preference)
     cli.picking.print_picked(front, picked, saved=path)
     if csv is not None:
         body = body or "camera"

@@ -25,6 +25,15 @@ from hpop.scenario.schema import StopEntry, WorldSection, parameters_of, stop_wo
 from hpop.scenario.yaml_lines import Document, Place
 from hpop.world.readers.readers import ENDINGS
 
+OTHER_WORDS = {
+    "robot": "model",
+    "map": "world",
+    "target": "goal",
+    "begin": "start",
+    "costs": "criteria",
+    "objectives": "criteria",
+}
+"""Keys that users write, by the key that a scenario has."""
 EXPECTED = {
     "string_type": "text",
     "float_type": "a number",
@@ -328,6 +337,7 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
             known += [name for name in readers if name not in known]
             way_out = f". For a reader of your own, {OWN}"
         near = difflib.get_close_matches(str(loc[-1])[:MOST_LETTERS], known, n=1)
+        near = [word for word in (OTHER_WORDS.get(str(loc[-1])), *near) if word in known][:1]
         hint = f"; did you mean {near[0]!r}?" if near else "."
         return f"no such key{hint} Known here: {', '.join(known)}{way_out}"
     if fault["type"] == "missing":
@@ -369,6 +379,10 @@ def _note(got: Any) -> str:
         return next(filter(None, map(_note, got)), "")
     if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
         return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
+    if isinstance(got, str) and (unit := re.fullmatch(r"([-+]?\d+(?:\.\d*)?) ?(mm|cm|km|m|ms|s|deg|rad)", got)):
+        in_base = {"mm": (1e-3, "m"), "cm": (1e-2, "m"), "km": (1e3, "m"), "ms": (1e-3, "s")}
+        factor, base = in_base.get(unit[2], (math.pi / 180 if unit[2] == "deg" else 1.0, unit[2].replace("deg", "rad")))
+        return f" (write a number without its unit: {got} is {float(unit[1]) * factor:.6g}, in {base})"
     if isinstance(got, bool):
         return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
     return ""

@@ -119,3 +119,10 @@ def test_a_tour_is_driven_with_its_stops_named(tmp_path: Path) -> None:
     wrong = drive(tmp_path, tmp_path / "out", "events: [{at: 2, skip: nort}]")
     assert wrong.exit_code == 16
     assert "no stop is called 'nort'. Did you mean 'north'? The stops are east, north" in wrong.output
+
+
+def test_without_a_file_of_events_it_says_what_that_is(folder: Path) -> None:
+    done = CliRunner().invoke(main, ["drive", str(folder)])
+    assert done.exit_code == 2
+    assert "give --events YAML, a file of what happens on the way" in done.stderr
+    assert "{at: 3, wish: fewer turns}" in done.stderr

@@ -49,6 +49,7 @@ CHOICES: dict[str, tuple[Callable[[Front], list[str]], Callable[[Front], Point]]
     ),
     "wish of a reported value": (lambda f: ["--wish", "obstruction=0"], lambda f: f.nearest({"obstruction": 0})),
     "row": (lambda f: ["--row", "3"], lambda f: f[3]),
+    "row by name": (lambda f: ["--row", "least turns"], lambda f: f.best("turns")),
     "least among": (
         lambda f: ["--at-most", f"turns={middle(f, 'turns')}", "--least", "exposure"],
         lambda f: f.where(turns=f"<={middle(f, 'turns')}").best("exposure"),
@@ -108,6 +109,7 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
         (["--least", "obstruction"], 7, "on the command line --wish NAME=NUMBER finds the point nearest"),
         (["--least", "turns,turns"], 10, "distinct"),
         (["--row", "9999"], 10, "no row 9999: the front has rows 0 to "),
+        (["--row", "kneee"], 7, "Did you mean 'knee'?"),
     ],
 )
 def test_what_cannot_be_picked_ends_in_one_message(
@@ -127,7 +129,6 @@ def test_what_cannot_be_picked_ends_in_one_message(
             "give one of --least, --wish, --row, --knee, --preference, got --wish and --knee",
         ),
         (["--row", "1", "--at-most", "turns=5"], "--row names one trajectory"),
-        (["--row", "-1"], "--row"),
         (["--at-most", "turns=5", "--at-most", "turns=6"], "give each name once"),
         (["--least", ","], "expected names separated by commas"),
     ],

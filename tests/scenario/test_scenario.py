@@ -151,6 +151,9 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
     [
         # a typo in any key
         (("criteria:", "criterea:"), 10, "criterea", "did you mean 'criteria'?"),
+        (("criteria:", "objectives:"), 10, "objectives", "did you mean 'criteria'?"),
+        (("radius: 0.2", "radius: 30 cm"), 7, "model.differential_drive.radius", "30 cm is 0.3, in m"),
+        (("radius: 0.2", "radius: 90deg"), 7, "model.differential_drive.radius", "90deg is 1.5708, in rad"),
         (("polygons:", "polygon:"), 2, "world.polygon", "did you mean 'polygons'?"),
         (("extent:", "extend:"), 3, "world.polygons.extend", "did you mean 'extent'?"),
         (("corners:", "corner:"), 5, "world.polygons.obstacles.0.corner", "did you mean 'corners'?"),
