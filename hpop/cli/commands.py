@@ -24,6 +24,7 @@ from hpop.cli import listing, results
 from hpop.cli.beside import LivePage, PicturesBeside, kernels_beside
 from hpop.cli.exporting import export, ride, ros
 from hpop.cli.listing import look, new
+from hpop.cli.living import live
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
 from hpop.cli.running import batch, drive
@@ -198,6 +199,7 @@ main.add_command(pick)
 main.add_command(prefer)
 main.add_command(ride)
 main.add_command(drive)
+main.add_command(live)
 main.add_command(export)
 main.add_command(retime)
 main.add_command(ros)

@@ -14,7 +14,8 @@ import logging
 import secrets
 import socket
 import ssl
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
+from contextlib import asynccontextmanager
 from http import HTTPStatus
 from threading import Event
 from typing import Any
@@ -41,6 +42,8 @@ FAREWELL = 5.0
 """Time, s, that remains for responses when the server ends."""
 CONNECTIONS = 128
 """Largest number of connections at a time."""
+MOST_SOCKET = 2**16
+"""Largest size of a message that comes through a websocket, bytes."""
 PLAIN_PORTS = {"http": 80, "https": 443}
 """Default ports, which browsers leave out of addresses."""
 HEADERS = {
@@ -68,6 +71,7 @@ class PageServer:
     secured : TLS context, to encrypt connections
     listening : listening socket to use in place of ``host`` and ``port``
     reading : s, time within which a request must be complete
+    sockets : whether there are websockets among the routes
 
     Raises OutputError if the port is not available.
     """
@@ -84,9 +88,10 @@ class PageServer:
         secured: ssl.SSLContext | None = None,
         listening: socket.socket | None = None,
         reading: float = READING,
+        sockets: bool = False,
     ) -> None:
         self.token, self.reading = token, reading
-        self.connections: dict[_Connection, bool] = {}  # oldest first; True if the request is complete
+        self.connections: dict[Any, bool] = {}  # oldest first; True if the request is complete
         self._secured = secured
         self._socket = _listen(host, port) if listening is None else listening
         self.server_address: tuple[str, int] = self._socket.getsockname()[:2]
@@ -98,7 +103,13 @@ class PageServer:
             self.hosts |= set(own_names)
         app = Starlette(routes=routes, exception_handlers={HTTPException: self._failed, **errors})
         app.router.redirect_slashes = False
-        self._config = Config(_Guard(app, self), ws="none", lifespan="off", log_config=None)
+        self._config = Config(
+            _Guard(app, self),
+            ws=_socket_protocol(self) if sockets else "none",
+            ws_max_size=MOST_SOCKET,
+            lifespan="off",
+            log_config=None,
+        )
         self._ending = Event()
         self._ended = Event()
         self._stop: asyncio.Event | None = None
@@ -148,6 +159,11 @@ class PageServer:
     def __exit__(self, *_: object) -> None:
         self.server_close()
 
+    @asynccontextmanager
+    async def alongside(self) -> AsyncIterator[None]:
+        """Context that is open while requests are served; a subclass runs its own tasks in it."""
+        yield
+
     def _failed(self, request: Request, error: Exception) -> Response:
         """Return the response to a request with an unknown path or method, or whose endpoint failed."""
         status = HTTPStatus(error.status_code if isinstance(error, HTTPException) else 500)
@@ -168,7 +184,8 @@ class PageServer:
         if self._ending.is_set():  # set before the loop ran
             self._stop.set()
         try:
-            await self._stop.wait()
+            async with self.alongside():
+                await self._stop.wait()
         finally:
             server.close()
             for connection in list(self.connections):
@@ -225,6 +242,12 @@ class _Connection(H11Protocol):
         super().resume_writing()
         self._expect(None)
 
+    def handle_websocket_upgrade(self, event: Any) -> None:
+        """Hand the connection over to the protocol of websockets, which counts it from now on."""
+        self._expect(None)
+        self._server.connections.pop(self, None)
+        super().handle_websocket_upgrade(event)
+
     def end(self) -> None:
         """Close the connection once waiting data are sent, unless the response to a complete request is still to come.
 
@@ -243,6 +266,44 @@ class _Connection(H11Protocol):
         """Close the connection without sending waiting data."""
         self._server.connections.pop(self, None)
         self.transport.abort()
+
+
+def _socket_protocol(server: PageServer) -> Any:
+    """Return the protocol of websockets for a server; each connection counts among those of the server."""
+    from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIOProtocol  # few servers need it
+
+    class SocketConnection(WebSocketsSansIOProtocol):
+        """Connection of a websocket, with a deadline for a client that does not read."""
+
+        _deadline: asyncio.TimerHandle | None = None
+
+        def connection_made(self, transport: Any) -> None:
+            """Count the connection."""
+            super().connection_made(transport)
+            server.connections[self] = True
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            """Forget the connection."""
+            server.connections.pop(self, None)
+            self.resume_writing()
+            super().connection_lost(exc)
+
+        def pause_writing(self) -> None:
+            """Start the deadline for a client that reads too slowly."""
+            super().pause_writing()
+            self._deadline = self.loop.call_later(SENDING, self.transport.abort)
+
+        def resume_writing(self) -> None:
+            """Continue to send, and cancel the deadline."""
+            super().resume_writing()
+            if self._deadline is not None:
+                self._deadline.cancel()
+
+        def end(self) -> None:
+            """Close the connection, because the server ends."""
+            self.shutdown()
+
+    return SocketConnection
 
 
 class _Guard:
@@ -265,10 +326,11 @@ class _Guard:
         headers, server = Headers(scope=scope), self._server
         first, _, rest = scope["path"].removeprefix("/").partition("/")
         app = self._app
+        method = scope.get("method", "GET")  # a websocket has none
         if reason := server.refusal(headers.get("host", ""), headers.get("origin")):
-            app = server.refused(scope["method"], HTTPStatus.FORBIDDEN, reason)
+            app = server.refused(method, HTTPStatus.FORBIDDEN, reason)
         elif server.token and not server.is_open(first):
-            app = server.refused(scope["method"], HTTPStatus.NOT_FOUND, "there is no page at this address")
+            app = server.refused(method, HTTPStatus.NOT_FOUND, "there is no page at this address")
         elif server.token:
             scope = {**scope, "path": f"/{rest}", "token": first}
         await app(scope, receive, send_with_headers)

@@ -1,0 +1,206 @@
+"""Cards: the few ways of a front that a viewer is shown, their words, and the way that lies nearest to a push."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
+from hpop.base.text import printable
+from hpop.drive.options import perceived_motions
+from hpop.frontier.choices import Preferring
+from hpop.problems.front import Front
+from hpop.trajectories.trajectory import Trajectory
+
+AHEAD = 3.0
+"""Time, s, from the commit on, in which the heading of a way is compared with a push."""
+SAMPLED = 0.1
+"""Time between the compared headings, s."""
+FOLLOWED = math.radians(30.0)
+"""Largest mean angle, rad, between a push and the present plan at which the plan counts as following the push."""
+ALIKE = 0.05
+"""Share up to which two costs count as equal in words."""
+COMPARED = 25
+"""Points of each way, evenly along its path, by which ways are compared."""
+PLAIN = ("duration", "length", "turns")
+"""Costs that the words of a card tell anyway."""
+MOST_PHRASES = 2
+
+
+class Ways(NamedTuple):
+    """Trajectories to choose from, and their front; the present plan may be the last one, after the front's points.
+
+    trajectories  (n,)
+    costs         (n, k)  as re-evaluated for the front
+    front         names, units and groups of the costs
+    present       index of the present plan; None if there is none
+    """
+
+    trajectories: tuple[Trajectory, ...]
+    costs: FloatArray
+    front: Front
+    present: int | None = None
+
+    @property
+    def durations(self) -> FloatArray:
+        """Planned durations (n,), s."""
+        return np.array([trajectory.duration for trajectory in self.trajectories])
+
+
+def line_of(trajectory: Trajectory) -> list[list[float]]:
+    """Return the corners of a path, m, without points on straight stretches between them."""
+    points = np.stack([trajectory.states.x, trajectory.states.y], axis=1)
+    points = points[np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)]
+    if len(points) > 2:
+        steps = np.diff(points, axis=0)
+        turned = wrap(np.diff(np.arctan2(steps[:, 1], steps[:, 0])))
+        points = points[np.concatenate([[True], np.abs(turned) > 1e-6, [True]])]
+    corners: list[list[float]] = np.round(points, 3).tolist()
+    return corners
+
+
+def turns_of(trajectory: Trajectory) -> int:
+    """Return the number of turns that a person aboard perceives."""
+    return sum(motion.kind == "turn" for motion in perceived_motions(trajectory))
+
+
+def described(ways: Ways) -> list[dict[str, Any]]:
+    """Return all ways as JSON: number, costs by name, and line."""
+    names = ways.front.names
+    return [
+        {"option": i, "costs": dict(zip(names, row, strict=True)), "line": line_of(trajectory)}
+        for i, (row, trajectory) in enumerate(zip(ways.costs.tolist(), ways.trajectories, strict=True))
+    ]
+
+
+def cards(ways: Ways, preference: Preferring | None = None) -> list[dict[str, Any]]:
+    """Return three to five ways as JSON, each with a name and words; fewer if there are fewer ways."""
+    if not ways.trajectories:
+        return []
+    quickest = int(np.argmin(ways.durations))
+    chosen: dict[int, str] = {}
+
+    def choose(row: int, name: str) -> None:
+        chosen.setdefault(row, name)
+
+    if len(ways.front):
+        choose(ways.front.knee().index, "knee")
+    choose(gentlest(ways), "gentlest")
+    choose(quickest, "quickest")
+    if preference is not None and len(ways.front):
+        choose(ways.front.select(preference=preference).index, "for you")
+    if (other := most_different(ways, list(chosen))) is not None:
+        choose(other, "most different")
+    rows = described(ways)
+    return [{**rows[row], "name": name, "words": words(ways, row, quickest)} for row, name in chosen.items()]
+
+
+def gentlest(ways: Ways) -> int:
+    """Return the index of the way with the least comfort costs, each as a share of its range over the ways.
+
+    If no cost is of the group C (comfort), it is the way with the fewest turns. Of several, the quickest is returned.
+    """
+    comfort = [j for j, group in enumerate(ways.front.groups) if group == "C"]
+    if comfort:
+        costs = ways.costs[:, comfort]
+        span = np.ptp(costs, axis=0)
+        shares = np.divide(costs - costs.min(axis=0), span, out=np.zeros(costs.shape), where=span > 0).sum(axis=1)
+    else:
+        shares = np.array([turns_of(trajectory) for trajectory in ways.trajectories], float)
+    return int(np.lexsort((ways.durations, np.round(shares, 9)))[0])
+
+
+def most_different(ways: Ways, shown: Sequence[int]) -> int | None:
+    """Return the index of the way whose path is farthest from those that are shown; None if all are shown.
+
+    The distance of two paths is the mean distance of points that are as far along each path, as a share of its length.
+    """
+    if len(shown) == len(ways.trajectories):
+        return None
+    points = np.stack([_evenly(trajectory) for trajectory in ways.trajectories])  # (n, COMPARED, 2)
+    apart = np.stack([np.hypot(*(points - points[row]).transpose(2, 0, 1)).mean(axis=1) for row in shown]).min(axis=0)
+    apart[list(shown)] = -1.0
+    return int(np.argmax(apart))
+
+
+def _evenly(trajectory: Trajectory) -> FloatArray:
+    """Return points (COMPARED, 2), m, evenly along a path."""
+    x, y = trajectory.states.x, trajectory.states.y
+    along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    at = np.linspace(0.0, along[-1], COMPARED)
+    return np.stack([np.interp(at, along, x), np.interp(at, along, y)], axis=1)
+
+
+def words(ways: Ways, row: int, quickest: int) -> str:
+    """Return what a viewer should know of a way, relative to the quickest: "1.2 times as long, no turns"."""
+    count = turns_of(ways.trajectories[row])
+    turns = "no turns" if not count else "1 turn" if count == 1 else f"{count} turns"
+    durations = ways.durations
+    if row == quickest:
+        return f"{durations[row]:.0f} s, {turns}"
+    share = durations[row] / durations[quickest] if durations[quickest] > 0 else 1.0
+    phrases = ["as long" if share < 1.0 + ALIKE else f"{share:.1f} times as long", turns]
+    for name, own, other in zip(ways.front.names, ways.costs[row], ways.costs[quickest], strict=True):
+        if name in PLAIN or abs(own - other) <= ALIKE * other:
+            continue
+        phrases.append(f"{own / other:.1f} times the {_label(name)}" if other > 0 else f"more {_label(name)}")
+    return ", ".join(phrases[: 2 + MOST_PHRASES])
+
+
+def _label(name: str) -> str:
+    return printable(name.replace("_", " "))
+
+
+# Pushes
+
+
+class Pushed(NamedTuple):
+    """The way nearest to a push.
+
+    row       its index
+    follows   whether it follows the push: it is nearer to it than the present plan, or the plan itself follows it
+    gap       mean angle between its heading and the push, rad
+    """
+
+    row: int
+    follows: bool
+    gap: float
+
+
+def push_gap(trajectory: Trajectory, heading: float) -> tuple[float, float]:
+    """Return how far a way is from a push: the mean angle, rad, and less the distance, m, that it gains there.
+
+    The angle is between the robot's heading and the pushed ``heading``, both in the world, over `AHEAD` s.
+    """
+    states = trajectory.at(np.minimum(np.arange(0.0, AHEAD + 1e-9, SAMPLED), trajectory.duration))
+    yaw: FloatArray = states.yaw
+    gap = float(np.abs(wrap(yaw - heading)).mean())
+    gained = (states.x[-1] - states.x[0]) * math.cos(heading) + (states.y[-1] - states.y[0]) * math.sin(heading)
+    return round(gap, 9), -round(float(gained), 9)
+
+
+def nearest_to_push(ways: Ways, heading: float) -> Pushed:
+    """Return the way that lies nearest to a push with a ``heading``, rad, in the world."""
+    gaps = [push_gap(trajectory, heading) for trajectory in ways.trajectories]
+    row = min(range(len(gaps)), key=gaps.__getitem__)
+    if ways.present is None:
+        return Pushed(row, True, gaps[row][0])
+    if gaps[row] >= gaps[ways.present]:
+        row = ways.present
+    follows = row != ways.present or gaps[row][0] <= FOLLOWED
+    return Pushed(row, follows, gaps[row][0])
+
+
+def first_turn(trajectory: Trajectory) -> str:
+    """Return the first turn of a way in words: "turns left by 45 degrees in 1.2 s"; "goes straight on" without any."""
+    yaw = trajectory.model.space.names.index("yaw")
+    for motion in perceived_motions(trajectory):
+        if motion.kind == "turn":
+            side = "left" if motion.change[yaw] > 0 else "right"
+            when = f" after {motion.begin:.1f} s" if motion.begin > 0.05 else ""
+            return f"turns {side} by {abs(math.degrees(motion.change[yaw])):.0f} degrees{when}"
+    return "goes straight on"

@@ -1,0 +1,494 @@
+"""Planner of a live session: checks destinations, offers ways, and changes the plan of the drive.
+
+It holds no clock: each request carries the time ``now`` of the session, s, and the measured pose of the robot. Requests
+are generators of messages for the page, and of the message "plan" for the robot. The first messages can be sent while
+the later ones are computed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hpop.base.arrays import FloatArray
+from hpop.base.text import printable
+from hpop.drive.execution import Execution
+from hpop.drive.options import Options
+from hpop.drive.plan import joined
+from hpop.drive.script import follow
+from hpop.drive.surroundings import DriveSurroundings
+from hpop.errors import DriveError, HpopError, QueryError
+from hpop.goals import Tour
+from hpop.live.cards import Ways, cards, described, first_turn, line_of, nearest_to_push
+from hpop.models.execution import Ramps
+from hpop.motions import States
+from hpop.planners.needs import nearest_free
+from hpop.problems.problem import Planning, Problem
+from hpop.runtime.status import no_path_note
+from hpop.scenario import Scenario
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world import Person
+
+Message = dict[str, Any]
+Pose = tuple[float, float, float]
+
+LEAD = 0.1
+"""Time, s, from a question until its options can begin; braking comes in addition."""
+LEAD_AMONG_PEOPLE = 3.0
+"""Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
+FARTHEST = 5.0
+"""Distance, m, from a blocked place to the nearest free one, above which the place counts as blocked."""
+SIGHT = (0.8, 2.5)
+"""Distances, m, from which a landmark is looked at."""
+WITHIN = 0.75
+"""Distance, m, from a point at which a stop of a tour counts as visited."""
+LIKE = 0.6
+"""Largest mean distance, m, between a way that was chosen too late and the one that is taken in its place."""
+STANDS = 0.05
+"""Speed, m/s, below which a person counts as standing."""
+HORIZON = 8.0
+"""Time, s, up to which people are predicted, if the scenario says nothing else."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """Ways that a viewer may take.
+
+    ways     the ways, and their front
+    time     s, time of the session at which they begin
+    place    (x, y) where they begin, m
+    status, certificate, gap  what is claimed of them
+    before   the plan up to there, from its beginning; None if the robot stands
+    problem  of a new destination; None for ways of the present drive
+    options  of the present drive; None for a new destination
+    """
+
+    ways: Ways
+    time: float
+    place: tuple[float, float]
+    status: str
+    certificate: str
+    gap: float
+    before: Trajectory | None = None
+    problem: Problem | None = None
+    options: Options | None = None
+
+    def message(self, now: float, preference: Any) -> Message:
+        """Return the message "options"."""
+        return {
+            "type": "options",
+            "asked": now,
+            "commit": {"t": self.time, "x": self.place[0], "y": self.place[1]},
+            "cards": cards(self.ways, preference),
+            "all": described(self.ways),
+            "present": self.ways.present,
+            "certificate": printable(self.certificate),
+            "status": self.status,
+            "gap": self.gap if math.isfinite(self.gap) else None,
+        }
+
+
+class LivePlanner:
+    """Planner of one session: one robot, one map whose graph is built once, and one drive at a time."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        problem = scenario.problem
+        names = problem.model.space.names
+        if not {"x", "y", "yaw"} <= {*names} or "base" not in problem.model.provides:
+            raise QueryError(
+                f"a live session needs a robot that drives on a floor, got the states {', '.join(names)}; use "
+                "differential_drive or pan_tilt"
+            )
+        self.preference = scenario.preference
+        planner = scenario.planners[0]
+        self.template = replace(problem, tour=None) if problem.tour is not None else problem
+        self.planning = Planning(problem.world, problem.model, problem.criteria, planner)
+        self.surroundings = DriveSurroundings.of(self.template, 0.0, self.planning.planner.margin)
+        ramps = Ramps.of(problem.model)
+        self.brakes = 0.0 if ramps is None else ramps.half
+        self.drive: Execution | None = None
+        self.prefix: Trajectory | None = None  # what was driven before the present drive, without a stop between
+        self.goal: Mapping[str, Any] | None = None
+        self.offer: Offer | None = None
+
+    def prepare(self) -> None:
+        """Build the graph, by planning once from the scenario's start."""
+        problem = replace(self.surroundings.problem, goal=self.template.goal)
+        try:
+            front = self.planning.front(problem)
+            if len(front):
+                follow(problem, front, front.knee(), planner=self.planning.planner)
+        except HpopError:
+            pass  # the scenario's own goal need not be reachable
+
+    # Destinations
+
+    def destination(self, now: float, pose: Pose, goal: Mapping[str, Any]) -> Iterator[Message]:
+        """Check a destination: a point, a landmark or the stops of a tour; then offer the ways to it."""
+        self._see(now, pose)
+        try:
+            place, target, tour = self._target(goal)
+        except HpopError as error:
+            yield {"type": "place", **_spot(goal), "status": "blocked", "words": printable(str(error)), "goal": None}
+            return
+        yield place
+        if target is None:
+            return
+        self.goal = {"target": target, "tour": tour, "place": place}
+        yield from self._offer_goal(now, pose)
+
+    def _target(self, goal: Mapping[str, Any]) -> tuple[Message, Any, Tour | None]:
+        """Return the message "place" of a destination, the goal of the problem (None if blocked), and its tour."""
+        if "stops" in goal:
+            *stops, last = goal["stops"]
+            place, target, _ = self._target(last)
+            specs = [self._stop(stop) for stop in stops]
+            tour = Tour.of({"stops": specs}) if specs else None
+            return {**place, "stops": len(stops) + 1}, target, tour
+        if "landmark" in goal:
+            mark = next((m for m in self.template.world.content.landmarks if m.name == goal["landmark"]), None)
+            if mark is None:
+                raise QueryError(f"the map has no landmark called {goal['landmark']!r}; choose one of the map")
+            spot = {"x": mark.x, "y": mark.y}
+            target = {"look_at": {"target": [mark.x, mark.y, mark.z], "distance": list(SIGHT)}}
+            words = f"to see {printable(mark.name)}"
+            return self._place(spot, "reachable", words, (mark.x, mark.y)), target, None
+        x, y = float(goal["x"]), float(goal["y"])
+        model, world = self.template.model, self.surroundings.problem.world
+        tried = _spun(model, x, y)
+        if model.collision(world).states_free(tried).any():
+            return self._place(goal, "reachable", "reachable", (x, y)), self._state(x, y), None
+        reason = self._in_the_way(x, y)
+        free = nearest_free(model, world, States(**{n: np.full(1, np.nan) for n in model.space.names} | _at(x, y)))
+        if free is None or math.hypot(float(free.x[0]) - x, float(free.y[0]) - y) > FARTHEST:
+            return self._place(goal, "blocked", f"blocked by {reason}", None), None, None
+        near = (float(free.x[0]), float(free.y[0]))
+        away = math.hypot(near[0] - x, near[1] - y)
+        words = f"blocked by {reason}; the nearest free place is {away:.1f} m away"
+        return self._place(goal, "nearest", words, near), self._state(*near), None
+
+    def _place(self, spot: Mapping[str, Any], status: str, words: str, goal: tuple[float, float] | None) -> Message:
+        at = None if goal is None else {"x": goal[0], "y": goal[1], "theta": None}
+        return {"type": "place", **_spot(spot), "status": status, "words": words, "goal": at}
+
+    def _state(self, x: float, y: float) -> tuple[float | None, ...]:
+        """Return a goal state at a point, with any heading; other variables as at the start."""
+        names = self.template.model.space.names
+        fixed = dict(zip(names, self.template.start, strict=True))
+        return tuple({"x": x, "y": y, "yaw": None}.get(name, fixed[name]) for name in names)
+
+    def _stop(self, stop: Mapping[str, Any]) -> dict[str, Any]:
+        """Return a stop of a tour, a point or a landmark, as a parameter of :class:`hpop.Tour`."""
+        if "landmark" in stop:
+            return {"landmark": stop["landmark"]}
+        place, target, _ = self._target(stop)
+        if target is None:
+            raise QueryError(f"a stop cannot be reached: {place['words']}")
+        return {"at": [place["goal"]["x"], place["goal"]["y"]], "within": WITHIN}
+
+    def _in_the_way(self, x: float, y: float) -> str:
+        """Return what blocks a place, in words."""
+        world, point = self.surroundings.problem.world, shapely.Point(x, y)
+        if not world.extent.covers(point):
+            return "the border of the map"
+        reach = max((float(part.reach) for part in self.template.model.platform), default=0.0)
+        for closing in self.surroundings.closed:
+            if closing.area.distance(point) <= reach:
+                return printable(closing.person or closing.name) or "a closed area"
+        near = sorted((o.polygon.distance(point), o.name) for o in world.obstacles)
+        if near and near[0][0] <= reach:
+            return printable(near[0][1]) or "a wall"
+        return "a wall" if world.raster is not None else "something"
+
+    def _offer_goal(self, now: float, pose: Pose) -> Iterator[Message]:
+        """Offer the ways to the present destination, from where the robot may change its plan."""
+        assert self.goal is not None
+        before, state = None, self.template.model.space.state(self._pose(pose))
+        time = now + (LEAD_AMONG_PEOPLE if self.surroundings.moving else LEAD)
+        if self.drive is not None:
+            commit = self.drive.commit(now, LEAD + self.brakes)
+            before, state, time = self._whole(commit.before), commit.state, commit.time
+        place = self.goal["place"]
+        try:
+            asked = self.surroundings.at(state, time)
+            problem = replace(asked, goal=self.goal["target"], tour=self.goal["tour"])
+            front = self.planning.front(problem)
+        except HpopError as error:
+            self.goal = self.offer = None
+            yield {**place, "status": "blocked", "words": printable(str(error)), "goal": None}
+            return
+        if not len(front):
+            self.goal = self.offer = None
+            words = printable(no_path_note(front.notes) or f"blocked: {front.status}")
+            yield {**place, "status": "blocked", "words": words, "goal": None}
+            return
+        ways = Ways(front.trajectories, front.costs, front)
+        at = (float(state.x[0]), float(state.y[0]))
+        gap = 0.0 if front.status == "complete" else math.inf
+        self.offer = Offer(ways, time, at, front.status, front.certificate, gap, before, problem)
+        yield self.offer.message(now, self.preference)
+
+    def _offer_rest(self, now: float) -> Offer | None:
+        """Return the ways that remain of the present drive; None if there are none."""
+        if self.drive is None:
+            return None
+        options = self.drive.options(now, LEAD + self.brakes)
+        commit, front = options.commit, options.front
+        costs: FloatArray = front.costs
+        if options.kept is not None:
+            costs = np.vstack([costs, [options.kept.costs[name] for name in front.names]])
+        ways = Ways(options.ways, costs, front, options.keep_on)
+        at = (float(commit.state.x[0]), float(commit.state.y[0]))
+        self.offer = Offer(
+            ways, commit.time, at, str(options.status), options.certificate, options.gap, options=options
+        )
+        return self.offer
+
+    def options(self, now: float, pose: Pose) -> Iterator[Message]:
+        """Offer the ways anew from here: to the destination that was asked for last, or those of the drive."""
+        self._see(now, pose)
+        if self.goal is not None:
+            yield from self._offer_goal(now, pose)
+        elif (offer := self._offer_rest(now)) is not None:
+            yield offer.message(now, self.preference)
+
+    # Choices
+
+    def take(self, now: float, pose: Pose, option: int, by: str = "choice") -> Iterator[Message]:
+        """Take one of the ways that were offered last; if they begin too soon, the one like it that begins later."""
+        offer = self.offer
+        if offer is None or not 0 <= option < len(offer.ways.trajectories):
+            many = 0 if offer is None else len(offer.ways.trajectories)
+            yield {
+                "type": "refused",
+                "words": f"there are {many} ways to take, got number {option}; ask for ways first",
+            }
+            return
+        self._see(now, pose)
+        chosen = offer.ways.trajectories[option]
+        if self._is_late(offer, now):
+            found = yield from self._anew(now, pose, chosen)
+            if found is None:
+                return
+            offer, option = found
+        yield from self._taken(now, offer, option, by)
+
+    def _is_late(self, offer: Offer, now: float) -> bool:
+        """Return whether the ways of an offer begin too soon for the robot, which needs time to brake."""
+        if offer.options is None and offer.before is None:
+            return self.surroundings.moving and now > offer.time
+        return now + self.brakes > offer.time
+
+    def _anew(self, now: float, pose: Pose, chosen: Trajectory) -> Generator[Message, None, tuple[Offer, int] | None]:
+        """Offer the ways anew; return the offer and the number of the way that is like the chosen one, or None."""
+        yield from self.options(now, pose)
+        offer = self.offer
+        if offer is not None and offer.ways.trajectories:
+            apart = [_apart(chosen, other) for other in offer.ways.trajectories]
+            row = int(np.argmin(apart))
+            if apart[row] <= LIKE:
+                return offer, row
+        yield {"type": "refused", "words": "the robot has passed the place where this way begins; choose again"}
+        return None
+
+    def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
+        """Take a way of an offer: yield the plan for the robot, then the message "taken", then further ways."""
+        trajectory = offer.ways.trajectories[option]
+        words = first_turn(trajectory)
+        if offer.options is not None:
+            assert self.drive is not None
+            try:
+                self.drive.take(option, now)
+            except DriveError as error:
+                yield {"type": "refused", "words": printable(str(error))}
+                return
+            yield self._plan(now)
+        else:
+            assert offer.problem is not None
+            self.prefix, self.goal = offer.before, None
+            whole = trajectory if offer.before is None else joined(offer.before, trajectory)
+            begin = offer.time if offer.before is not None or trajectory.punctual else now
+            elapsed = now - begin + (0.0 if offer.before is None else offer.before.duration)
+            yield _plan_message(whole, now, elapsed)
+        yield {"type": "taken", "option": option, "by": by, "words": words}
+        if offer.options is None:
+            assert offer.problem is not None
+            planner = self.planning.planner
+            self.drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin))
+        self.offer = None
+        yield from self.options_after(now)
+
+    def options_after(self, now: float) -> Iterator[Message]:
+        """Offer the ways of the drive after a change, without a new measurement."""
+        try:
+            offer = self._offer_rest(now)
+        except DriveError as error:
+            yield {"type": "note", "words": printable(str(error))}
+            return
+        if offer is not None:
+            yield offer.message(now, self.preference)
+
+    def push(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
+        """Take the way whose next seconds lie nearest to a direction, rad in the robot's frame; 0 is ahead."""
+        self._see(now, pose)
+        offer = self.offer
+        if offer is None or self._is_late(offer, now):
+            offer = self._offer_rest(now) if self.goal is None else offer
+        if offer is None or not offer.ways.trajectories:
+            words = "there is no way to choose from; choose a destination first"
+            yield {"type": "pushed", "followed": False, "option": None, "words": words}
+            return
+        found = nearest_to_push(offer.ways, pose[2] + direction)
+        words = first_turn(offer.ways.trajectories[found.row])
+        if not found.follows:
+            words = f"no way leads there within 3 s; the robot {words}"
+        yield {"type": "pushed", "followed": found.follows, "option": found.row, "words": words}
+        if found.row != offer.ways.present:
+            yield from self._taken(now, offer, found.row, "push")
+
+    def wish(self, now: float, pose: Pose, wish: str) -> Iterator[Message]:
+        """Take the way that meets a wish, such as "fewer turns"; see :meth:`hpop.drive.Execution.wish`."""
+        self._see(now, pose)
+        if self.drive is None or self.goal is not None:
+            yield {"type": "refused", "words": "a wish changes a drive; take a way first"}
+            return
+        offer = self._offer_rest(now)
+        assert offer is not None
+        try:
+            answer = self.drive.wish(wish)
+        except DriveError as error:
+            yield {"type": "refused", "words": printable(str(error))}
+            return
+        yield {"type": "note", "words": printable(answer.words)}
+        if answer.option is not None and not answer.option.keeps_on:
+            yield from self._taken(now, offer, answer.option.index, "choice")
+        else:
+            yield offer.message(now, self.preference)
+
+    def why(self, now: float, pose: Pose, through: Mapping[str, Any]) -> Iterator[Message]:
+        """Explain why the way does not lead through a place."""
+        yield {"type": "why", "sentence": "not yet", "exact": False, "costs": {}, "line": []}
+
+    # Changes of the world
+
+    def close(self, now: float, pose: Pose, area: Any, name: str = "") -> Iterator[Message]:
+        """Close an area, given by name or by corners."""
+        yield from self._change(now, pose, "close", area, name)
+
+    def open(self, now: float, pose: Pose, area: Any) -> Iterator[Message]:
+        """Open a closed area, given by name."""
+        yield from self._change(now, pose, "open", area, "")
+
+    def people(self, now: float, pose: Pose, people: Sequence[Sequence[float]]) -> Iterator[Message]:
+        """Replace the people by those who are seen: x, y, m, and their velocities, m/s."""
+        horizon = self.template.horizon or HORIZON
+        seen = tuple(
+            Person(x, y, velocity=(vx, vy), until=horizon, name=f"person {i}")
+            if math.hypot(vx, vy) > STANDS
+            else Person(x, y, name=f"person {i}")
+            for i, (x, y, vx, vy) in enumerate(people, 1)
+        )
+        yield from self._change(now, pose, "people", seen, "")
+
+    def _change(self, now: float, pose: Pose, what: str, value: Any, name: str) -> Iterator[Message]:
+        """Change the world of the session, and of the drive; let the robot avoid what is now in its way."""
+        self._see(now, pose)
+        try:
+            if self.drive is not None:
+                change = self.drive.world(now, name=name, **{what: value})
+                self.surroundings = self.drive.surroundings
+            else:
+                change = None
+                self.surroundings = self.surroundings.changed(now, what, value, name, ())
+        except HpopError as error:
+            yield {"type": "refused", "words": printable(str(error))}
+            return
+        if what != "people":
+            self.planning = self.planning.updated(self.surroundings.problem.world)
+        if change is None:
+            if self.offer is not None or self.goal is not None:
+                yield from self.options(now, pose)
+            return
+        assert self.drive is not None
+        yield self._plan(now)
+        offer = self._offer_rest(now)
+        assert offer is not None
+        if offer.options is not None and offer.options.keep_on is None and self.drive.adapt(offer.options) is not None:
+            yield self._plan(now)
+            yield {"type": "taken", "option": None, "by": "plan", "words": "the way was closed: another one is taken"}
+            offer = self._offer_rest(now)
+            assert offer is not None
+        if self.goal is not None:
+            yield from self._offer_goal(now, pose)
+        else:
+            yield offer.message(now, self.preference)
+
+    def arrived(self, now: float, pose: Pose) -> Iterator[Message]:
+        """End the drive: the robot is at its destination."""
+        self.drive = self.prefix = None
+        if self.goal is None:
+            self.offer = None
+        yield from ()
+
+    # The drive
+
+    def _pose(self, pose: Pose) -> tuple[float, ...]:
+        """Return the state of a pose; variables other than x, y and yaw as at the start."""
+        names = self.template.model.space.names
+        values = dict(zip(names, self.template.start, strict=True)) | dict(zip(("x", "y", "yaw"), pose, strict=True))
+        return tuple(values[name] for name in names)
+
+    def _see(self, now: float, pose: Pose) -> None:
+        """Report the measured pose to the drive; a robot that has left its plan has no drive any more."""
+        if self.drive is None or now < self.drive.begin:
+            return
+        try:
+            self.drive.at(now, self._pose(pose))
+        except DriveError:
+            self.drive = self.prefix = self.offer = None
+
+    def _whole(self, trajectory: Trajectory) -> Trajectory:
+        """Return a part of the drive's plan after what was driven before it without a stop between."""
+        return trajectory if self.prefix is None else joined(self.prefix, trajectory)
+
+    def _plan(self, now: float) -> Message:
+        """Return the drive's plan as the message "plan" to the robot."""
+        assert self.drive is not None
+        before = 0.0 if self.prefix is None else self.prefix.duration
+        plan, elapsed = self.drive.plan, before + self.drive.at(now).planned
+        return _plan_message(self._whole(plan), now, elapsed, arrives=plan.duration >= self.drive.announced.duration)
+
+
+def _plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives: bool = True) -> Message:
+    """Return a plan for the robot; ``elapsed`` is the time of the plan, s, at the time ``now`` of the session."""
+    told = {"now": now, "elapsed": elapsed, "arrives": arrives}
+    return {"type": "plan", **told, "trajectory": trajectory.describe(), "line": line_of(trajectory)}
+
+
+def _spot(goal: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the coordinates of a destination as the page gave them; None for one without."""
+    return {"x": goal.get("x"), "y": goal.get("y")}
+
+
+def _at(x: float, y: float) -> dict[str, FloatArray]:
+    return {"x": np.full(1, x), "y": np.full(1, y)}
+
+
+def _spun(model: Any, x: float, y: float) -> States:
+    """Return states at a point with eight headings; other variables are 0."""
+    count = 8
+    columns = {name: np.zeros(count) for name in model.space.names}
+    columns |= {"x": np.full(count, x), "y": np.full(count, y), "yaw": np.arange(count) * 2 * np.pi / count}
+    return States(**columns)
+
+
+def _apart(chosen: Trajectory, other: Trajectory) -> float:
+    """Return the mean distance, m, of the corners of a path from the chosen path, which may begin earlier."""
+    path = shapely.LineString([*line_of(chosen), line_of(chosen)[-1]])
+    points = shapely.points(np.array(line_of(other)))
+    return float(shapely.distance(path, points).mean())

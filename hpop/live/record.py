@@ -1,0 +1,65 @@
+"""Record of a live session: a file with one JSON object a line, written at once.
+
+Each line has ``at`` (UTC, ms), ``t`` (s of the session), ``event``, and what belongs to it. A killed process loses no
+line that was written; the last line may be cut, and is then left out when the record is read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hpop.errors import OutputError
+
+SCHEMA, VERSION = "hpop-live-record", 1
+
+
+def utc() -> int:
+    """Return the present time, ms since 1970, UTC."""
+    return time.time_ns() // 1_000_000
+
+
+class Record:
+    """File to which the events of a session are appended; OutputError if it cannot be written."""
+
+    def __init__(self, path: Path, about: Mapping[str, Any]) -> None:
+        self.path = path
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+        except OSError as error:
+            raise OutputError(
+                f"the record cannot be written to {path}: {error.strerror or error}; choose another --out"
+            ) from None
+        self.add(0.0, "session", {"schema": SCHEMA, "version": VERSION, **about})
+
+    def add(self, t: float, event: str, values: Mapping[str, Any]) -> None:
+        """Append an event; it is with the system when this returns."""
+        line = json.dumps({"at": utc(), "t": round(t, 3), "event": event, **values}, separators=(",", ":"))
+        os.write(self._file, line.encode() + b"\n")
+
+    def close(self) -> None:
+        """Close the file."""
+        os.close(self._file)
+
+
+def read_record(path: Path) -> list[dict[str, Any]]:
+    """Return the events of a record; OutputError for any other file."""
+    try:
+        lines = path.read_bytes().split(b"\n")
+    except OSError as error:
+        raise OutputError(f"the record {path} cannot be read: {error.strerror or error}; check the path") from None
+    events = []
+    for i, line in enumerate(lines):
+        try:
+            events.append(json.loads(line))
+        except ValueError:
+            if i < len(lines) - 1:
+                raise OutputError(f"{path}, line {i + 1}: expected JSON; give the record of a live session") from None
+    if not events or not isinstance(events[0], dict) or events[0].get("schema") != SCHEMA:
+        raise OutputError(f"{path} is not the record of a live session; give a file that `hpop live` wrote")
+    return events

@@ -1,0 +1,77 @@
+"""The message "scene": what of a live session never changes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hpop.base.text import printable
+from hpop.motions import Model
+from hpop.problems.problem import Problem
+from hpop.view.ride.page import licence, links_of, tilted_solids
+from hpop.view.ride.scene import ViewScene
+from hpop.view.style import label
+
+ROUND = 8
+"""Corners of a quarter of a rounded outline."""
+
+
+def scene_of(problem: Problem, title: str) -> dict[str, Any]:
+    """Return the map, the robot and the criteria as JSON, for the page; without role and settings."""
+    seen, model = ViewScene.of(problem), problem.model
+    state = model.space.state(problem.start)
+    base, camera = model.pose("base", state), model.pose("camera", state)
+    ahead = np.hypot(np.asarray(camera.x) - base.x, np.asarray(camera.y) - base.y)
+    fov = model.field_of_view
+    return {
+        "type": "scene",
+        "title": printable(title),
+        "scene": seen.description(),
+        "solids": tilted_solids(seen),
+        "links": links_of(model, state),
+        "field_of_view": None if fov is None else list(fov),
+        "criteria": [
+            {
+                "name": printable(c.name),
+                "label": label(c.name, c.unit, c.unit == "1" and c.quantum == 1.0, c.quantity),
+                "unit": printable(c.unit),
+            }
+            for c in problem.criteria
+        ],
+        "regions": _regions(problem),
+        "landmarks": [
+            {"name": printable(mark.name), "x": mark.x, "y": mark.y, "z": mark.z}
+            for mark in problem.world.content.landmarks
+        ],
+        "outline": outline_of(model),
+        "camera": {"x": float(np.ravel(ahead)[0]), "z": float(np.ravel(camera.z)[0])},
+        "video": "",
+        "explorer": "",
+        "licence": licence(),
+    }
+
+
+def outline_of(model: Model) -> list[list[float]]:
+    """Return the corners of the robot's outline, m, in the frame of its base."""
+    parts = [shapely.buffer(shapely.MultiPoint(p.swept.corners).convex_hull, p.radius, ROUND) for p in model.platform]
+    hull = shapely.convex_hull(shapely.union_all(parts))
+    corners: list[list[float]] = np.round(shapely.get_coordinates(hull)[:-1], 3).tolist()
+    return corners
+
+
+def _regions(problem: Problem) -> list[dict[str, Any]]:
+    """Return the named zones of the map and the named obstacles, as JSON."""
+    zones = [(zone.name, zone.area, zone.kind) for zone in problem.world.content.zones if zone.name]
+    things = [(obstacle.name, obstacle.polygon, "obstacle") for obstacle in problem.world.obstacles if obstacle.name]
+    return [
+        {
+            "name": printable(name),
+            "kind": kind,
+            "corners": np.round(shapely.get_coordinates(shapely.get_exterior_ring(part))[:-1], 3).tolist(),
+        }
+        for name, area, kind in (*zones, *things)
+        for part in shapely.get_parts(area)
+        if part.geom_type == "Polygon"
+    ]

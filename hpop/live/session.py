@@ -1,0 +1,427 @@
+"""Session: the viewers, the robot and its people, and the record; it asks the planner, and tells all viewers.
+
+One viewer drives, the others watch. The robot brakes if the driver's page is silent for :data:`SILENT` s, if the driver
+stops it, if a person is in its way, and while the planner is started again.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hpop.live.messages import WATCHING, checked
+from hpop.live.process import PlannerProcess
+from hpop.live.record import Record, utc
+from hpop.live.robot import PlayedRobot
+from hpop.models.execution import clearance_radius
+from hpop.problems.problem import Problem
+from hpop.trajectories.trajectory import Trajectory
+
+TICK = 0.02
+"""Time between steps of the robot, s."""
+STATE = 0.05
+"""Time between messages "state", s."""
+RECORDED = 0.1
+"""Time between recorded states, s."""
+SILENT = 0.5
+"""Time, s, without a sign of the driver's page after which the robot brakes."""
+LOST = 5.0
+"""Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
+ANNOUNCED = 3.0
+"""Time, s, before a turn at which it is announced."""
+RENEWED = 1.0
+"""Least time, s, between offers of new ways while the robot drives."""
+BEFORE_PEOPLE = 0.3
+"""Distance, m, that the robot keeps from people when it brakes before them."""
+MOST_WAITING = 256
+"""Messages that may wait for a viewer; one who reads more slowly is sent away."""
+MOST_MESSAGES, BURST = 60.0, 120.0
+"""Messages a second that a viewer may send, and at once."""
+MOST_VIEWERS = 32
+MOST_REFUSALS = 3.0
+"""Refusals a second that a viewer is sent."""
+KEPT = ("place", "options", "taken")
+"""Types of messages of which a viewer who comes later is sent the newest."""
+SETTINGS = {"arrow": True, "tone": False}
+"""Settings of the announcement of turns, and whether they are on at first."""
+
+
+class Viewer:
+    """A page that is connected: its outgoing messages, and its bounds.
+
+    may_drive   whether its token lets it drive
+    wants       whether it asked to drive
+    greeted     whether it has said hello
+    alive       time of its last sign, s
+    gone        why it is sent away; "" while it is not
+    """
+
+    def __init__(self, number: int, *, may_drive: bool, now: float) -> None:
+        self.number, self.may_drive, self.wants, self.greeted = number, may_drive, False, False
+        self.alive, self.gone = -math.inf, ""
+        self.waiting: deque[str] = deque()
+        self.state = ""
+        self.wakes = asyncio.Event()
+        self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, now
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        """Queue a message; a newer state replaces one that still waits."""
+        text = json.dumps(message, allow_nan=False, separators=(",", ":"))
+        if message["type"] == "state":
+            self.state = text
+        elif len(self.waiting) < MOST_WAITING:
+            self.waiting.append(text)
+        else:
+            self.gone = "reads too slowly"
+        self.wakes.set()
+
+    def counts(self, now: float) -> bool:
+        """Count a message that came; return whether it is within the bounds."""
+        passed, self._counted = now - self._counted, now
+        self._budget = min(BURST, self._budget + passed * MOST_MESSAGES) - 1.0
+        self._refusals = min(MOST_REFUSALS, self._refusals + passed * MOST_REFUSALS)
+        return self._budget >= 0.0
+
+    def refuse(self, words: str) -> None:
+        """Say why a message was refused, unless this was said too often."""
+        if self._refusals >= 1.0:
+            self._refusals -= 1.0
+            self.send({"type": "refused", "words": words})
+
+
+class LiveSession:
+    """One session: a robot, its planner, its people and its viewers.
+
+    problem   of the scenario: map, robot, start and people
+    scene     message "scene" without the role
+    planner   client of the planner's process
+    record    file of the events
+    """
+
+    def __init__(
+        self,
+        problem: Problem,
+        scene: Mapping[str, Any],
+        record: Record,
+        planner: Callable[[Callable[[dict[str, Any]], None]], PlannerProcess],
+    ) -> None:
+        self.problem, self.scene, self.record = problem, dict(scene), record
+        self.planner = planner(self._planned)
+        values = dict(zip(problem.model.space.names, problem.start, strict=True))
+        self.robot = PlayedRobot(problem.model, (values["x"], values["y"], values["yaw"]))
+        self.reach = clearance_radius(problem.model, 0.0)
+        self.viewers: list[Viewer] = []
+        self.driver: Viewer | None = None
+        self.people: list[tuple[float, float, float, float]] = []
+        self.settings = dict(SETTINGS)
+        self.stopped = False
+        self.braked = ""  # why the robot brakes
+        self._newest: dict[str, dict[str, Any]] = {}
+        self._plan: int | None = None  # number of the present plan among the ways
+        self._goal: dict[str, Any] | None = None
+        self._closed: dict[str, dict[str, Any]] = {}
+        self._pushed_at = 0.0
+        self._numbers = 0
+        self._next = {"state": 0.0, "record": 0.0, "ways": 0.0}
+        self._has_arrived, self._announced = True, 0
+        self._began = 0.0
+
+    # Time
+
+    @property
+    def now(self) -> float:
+        """Time of the session, s."""
+        return asyncio.get_running_loop().time() - self._began
+
+    async def run(self) -> None:
+        """Keep the robot and the planner running until this task is cancelled."""
+        self._began = asyncio.get_running_loop().time()
+        planner = asyncio.create_task(self.planner.run())
+        try:
+            while not planner.done():
+                self.step(self.now)
+                await asyncio.sleep(TICK)
+            await planner
+        finally:
+            planner.cancel()
+            await asyncio.gather(planner, return_exceptions=True)
+            self.record.add(self.now, "end", {})
+            self.record.close()
+
+    def step(self, now: float) -> None:
+        """Move people and robot on to a time of the session, and tell the viewers."""
+        self.people = [
+            (float(x), float(y), *self._velocity(person, now))
+            for person in self.problem.world.content.people
+            if not math.isnan(x := person.at(now)[0]) and (y := person.at(now)[1]) is not None
+        ]
+        self._choose_driver(now)
+        braked = self._why_braked(now)
+        self.robot.advance(now, brakes=bool(braked))
+        if braked != self.braked:
+            self.braked = braked
+            self.note(f"the robot brakes: {braked}" if braked else "the robot may drive")
+        if self.robot.arrived and not self._has_arrived:
+            self._has_arrived = True
+            self.tell({"type": "arrived"})
+            self._ask("arrived")
+        self._announce()
+        if now >= self._next["state"]:
+            self._next["state"] = max(self._next["state"] + STATE, now - STATE)
+            for viewer in self.viewers:
+                if viewer.greeted:
+                    viewer.send(self.state(now))
+        if now >= self._next["record"]:
+            self._next["record"] = max(self._next["record"] + RECORDED, now - RECORDED)
+            self.record.add(now, "state", {k: v for k, v in self.state(now).items() if k not in ("type", "at", "t")})
+        self._renew(now)
+
+    @staticmethod
+    def _velocity(person: Any, now: float) -> tuple[float, float]:
+        (x0, x1), (y0, y1) = zip(person.at(now), person.at(now + 0.1), strict=True)
+        return 10.0 * (float(x1) - float(x0)), 10.0 * (float(y1) - float(y0))
+
+    def state(self, now: float) -> dict[str, Any]:
+        """Return the message "state"."""
+        x, y, theta = (round(value, 4) for value in self.robot.pose)
+        people = [[round(value, 3) for value in person] for person in self.people]
+        return {
+            "type": "state",
+            "at": utc(),
+            "t": round(now, 3),
+            "x": x,
+            "y": y,
+            "theta": theta,
+            "moving": not self.robot.stands,
+            "people": people,
+            "plan": self._plan,
+            "braked": self.braked,
+        }
+
+    # Viewers
+
+    def join(self, *, may_drive: bool) -> Viewer | None:
+        """Return a new viewer; None if there are too many."""
+        if len(self.viewers) >= MOST_VIEWERS:
+            return None
+        self._numbers += 1
+        viewer = Viewer(self._numbers, may_drive=may_drive, now=self.now)
+        self.viewers.append(viewer)
+        return viewer
+
+    def leave(self, viewer: Viewer) -> None:
+        """Forget a viewer who has gone; another one may then drive."""
+        self.viewers.remove(viewer)
+        self._log("left", viewer, {"why": viewer.gone})
+        if viewer is self.driver:
+            self.driver = None
+            self._choose_driver(self.now)
+
+    def _choose_driver(self, now: float) -> None:
+        """Let the next viewer drive who wants to and may, if the driver has left or is silent for long."""
+        if self.driver is not None and now - self.driver.alive <= LOST:
+            return
+        able = (v for v in self.viewers if v.wants and v.may_drive and v is not self.driver and now - v.alive <= SILENT)
+        if (following := next(able, None)) is None:
+            return
+        before, self.driver = self.driver, following
+        if not self.robot.stands or before is not None:
+            self.stopped = True
+        self._log("drives", following, {})
+        for viewer in (before, following):
+            if viewer is not None:
+                viewer.send(self._scene_for(viewer))
+
+    def _scene_for(self, viewer: Viewer) -> dict[str, Any]:
+        role = "drive" if viewer is self.driver else "watch"
+        return {**self.scene, "role": role, "settings": self.settings, "closed": list(self._closed)}
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Send a message to all viewers, and record it."""
+        if message["type"] in KEPT:
+            self._newest[message["type"]] = dict(message)
+        self.record.add(self.now, "told", {"message": message})
+        for viewer in self.viewers:
+            if viewer.greeted:
+                viewer.send(message)
+
+    def note(self, words: str) -> None:
+        """Send a note to all viewers."""
+        self.tell({"type": "note", "words": words})
+
+    def _log(self, event: str, viewer: Viewer, values: Mapping[str, Any]) -> None:
+        self.record.add(self.now, event, {"viewer": viewer.number, **values})
+
+    # What viewers say
+
+    def receive(self, viewer: Viewer, text: str) -> None:
+        """Handle a message of a viewer."""
+        now = self.now
+        if not viewer.counts(now):
+            viewer.gone = "sends too many messages"
+            viewer.wakes.set()
+            return
+        try:
+            kind, values = checked(json.loads(text))
+        except RecursionError:
+            viewer.refuse("expected JSON that is not nested")
+            return
+        except ValueError as error:
+            viewer.refuse("expected JSON" if isinstance(error, json.JSONDecodeError) else str(error))
+            return
+        if kind == "alive":
+            viewer.alive = now
+            return
+        if kind == "hello":
+            self._hello(viewer, values["role"] == "drive", now)
+            return
+        if not viewer.greeted:
+            viewer.refuse("say hello first")
+            return
+        if viewer is not self.driver and kind not in WATCHING:
+            viewer.refuse("another viewer drives; this page watches")
+            return
+        self._log(kind, viewer, values)
+        if kind != "head":
+            self._act(kind, values, now)
+
+    def _hello(self, viewer: Viewer, wants: bool, now: float) -> None:
+        """Welcome a viewer: send the scene, and what was told last."""
+        self._log("hello", viewer, {"drive": wants, "may_drive": viewer.may_drive})
+        viewer.greeted, viewer.wants, viewer.alive = True, wants, now
+        self._choose_driver(now)
+        if viewer is not self.driver:
+            viewer.send(self._scene_for(viewer))
+        for kind in KEPT:
+            if kind in self._newest:
+                viewer.send(self._newest[kind])
+        if not self.planner.is_ready:
+            viewer.send({"type": "note", "words": "the map is being prepared; this takes some seconds"})
+
+    def _act(self, kind: str, values: dict[str, Any], now: float) -> None:
+        """Do what the driver asks for."""
+        match kind:
+            case "stop":
+                self.stopped = True
+            case "go":
+                self.stopped = False
+            case "setting":
+                if values["name"] in self.settings:
+                    self.settings[values["name"]] = values["value"]
+            case "destination":
+                self._goal = values
+                self._ask("destination", goal=values)
+            case "take":
+                self.stopped = False
+                self._ask("take", option=values["option"])
+            case "push":
+                self._pushed_at = now
+                self._ask("push", direction=values["direction"])
+            case "wish":
+                self._ask("wish", wish=values["wish"])
+            case "why":
+                self._ask("why", through=values)
+            case "close":
+                area = values.get("corners", values.get("name"))
+                name = values.get("name", f"closed area {len(self._closed) + 1}")
+                self._closed[name] = {"area": area, "name": name if "corners" in values else ""}
+                self._ask("close", **self._closed[name])
+            case "open":
+                self._closed.pop(values["name"], None)
+                self._ask("open", area=values["name"])
+
+    def _ask(self, kind: str, **values: Any) -> None:
+        """Ask the planner; time and pose are those at which the request is sent."""
+        if not self.planner.is_ready:
+            self.note("the planner is not ready yet; please ask again")
+            return
+        self.planner.ask(kind, now=lambda: self.now, pose=lambda: list(self.robot.pose), **values)
+
+    # What the planner says
+
+    def _planned(self, message: dict[str, Any]) -> None:
+        """Handle a message of the planner."""
+        match message["type"]:
+            case "plan":
+                self._follow(message)
+            case "ready":
+                self._ready()
+            case "crashed":
+                self.note("the planner has ended by itself and is started again; the robot brakes meanwhile")
+            case "options":
+                self._plan = message["present"]
+                self.tell(message)
+            case "pushed":
+                self.tell({**message, "milliseconds": round(1000.0 * (self.now - self._pushed_at), 1)})
+            case "taken":
+                if message["option"] is not None:
+                    self._plan = message["option"]
+                self.tell(message)
+            case _:
+                self.tell(message)
+
+    def _follow(self, message: Mapping[str, Any]) -> None:
+        """Let the robot follow a plan."""
+        trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
+        elapsed = message["elapsed"] + self.now - message["now"]
+        self.robot.follow(trajectory, elapsed, message["arrives"])
+        self._has_arrived = self._announced = False
+        self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
+
+    def _ready(self) -> None:
+        """Tell a planner that has just started what is closed and where to go."""
+        self.note("the map is prepared")
+        for closing in self._closed.values():
+            self._ask("close", **closing)
+        if self._goal is not None:
+            self._ask("destination", goal=self._goal)
+
+    def _renew(self, now: float) -> None:
+        """Ask for new ways once the robot comes to the place where the last ones begin."""
+        offer = self._newest.get("options")
+        if offer is None or now < self._next["ways"] or self.planner.is_busy or self._has_arrived:
+            return
+        if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking:
+            self._next["ways"] = now + RENEWED
+            self._ask("options")
+
+    # The robot
+
+    def _why_braked(self, now: float) -> str:
+        """Return why the robot must brake, in words; "" if it may drive."""
+        driver = self.driver
+        if driver is None or now - driver.alive > SILENT:
+            if driver is not None and now - driver.alive > LOST:
+                self.stopped = True
+            return "nobody drives"
+        if self.stopped:
+            return "stopped"
+        if not self.planner.is_ready:
+            return "the planner is being started"
+        return "a person is in the way" if self._is_in_the_way() else ""
+
+    def _is_in_the_way(self) -> bool:
+        """Return whether a person is, or will soon be, in the place where the robot comes to rest if it brakes now."""
+        for px, py, vx, vy in self.people:
+            for clock in (0.0, 0.5 * self.robot.braking, self.robot.braking):
+                x, y = self.robot.ahead(clock)
+                if math.hypot(px + clock * vx - x, py + clock * vy - y) < self.reach + 0.25 + BEFORE_PEOPLE:
+                    now = math.hypot(px - self.robot.pose[0], py - self.robot.pose[1])
+                    if clock == 0.0 or math.hypot(px - x, py - y) < now + 0.1:
+                        return True
+        return False
+
+    def _announce(self) -> None:
+        """Announce the next turn once, some seconds before it begins."""
+        for i, turn in enumerate(self.robot.turns):
+            wait = turn.begin - self.robot.clock
+            if i >= self._announced and 0.0 <= wait <= ANNOUNCED and not self.robot.stands:
+                self._announced = i + 1
+                side = "left" if turn.angle > 0 else "right"
+                degrees = round(abs(math.degrees(turn.angle)))
+                self.tell({"type": "turn", "in": round(wait, 2), "direction": side, "degrees": degrees})
+                return

@@ -1,0 +1,74 @@
+"""The planner of a live session: places are checked, ways offered and taken, and a push takes the nearest way."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hpop.live.planner import LivePlanner
+from hpop.scenario import load_scenario
+from hpop.trajectories.trajectory import Trajectory
+from tests.worlds import TWO_WALLS
+
+START = (1.0, 1.0, 0.0)
+
+
+@pytest.fixture
+def planner(tmp_path: Path) -> LivePlanner:
+    file = tmp_path / "two_walls.yaml"
+    file.write_text(TWO_WALLS.replace("step: 0.25", "step: 0.5"))
+    return LivePlanner(load_scenario(file))
+
+
+def of(messages: Any, kind: str) -> dict[str, Any]:
+    return next(message for message in messages if message["type"] == kind)
+
+
+def test_a_free_place_is_reachable_and_its_ways_are_offered(planner: LivePlanner) -> None:
+    told = list(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}))
+    assert of(told, "place")["status"] == "reachable"
+    options = of(told, "options")
+    ways = options["all"]
+    assert all(math.dist(way["line"][-1], (6.0, 4.0)) < 1e-9 for way in ways)
+    assert {card["option"] for card in options["cards"]} <= set(range(len(ways)))
+    assert options["cards"][0]["name"] == "knee"
+    costs = np.array([list(way["costs"].values()) for way in ways])
+    assert not any(((other <= row).all() and (other < row).any()) for row in costs for other in costs)
+
+
+def test_a_blocked_place_leads_to_the_nearest_free_one(planner: LivePlanner) -> None:
+    place = of(planner.destination(0.0, START, {"x": 2.1, "y": 1.0}), "place")
+    assert (place["status"], "a wall" in place["words"]) == ("nearest", True)
+    assert 1.5 < place["goal"]["x"] < 2.7
+    outside = of(planner.destination(0.0, START, {"x": 60.0, "y": 1.0}), "place")
+    assert (outside["status"], outside["goal"]) == ("blocked", None)
+
+
+def test_a_closed_area_across_all_ways_blocks_the_destination(planner: LivePlanner) -> None:
+    list(planner.close(0.0, START, [[3.0, 0.0], [3.5, 0.0], [3.5, 5.0], [3.0, 5.0]], "the tour"))
+    told = list(planner.destination(0.1, START, {"x": 6.0, "y": 4.0}))
+    assert [message.get("status") for message in told if message["type"] == "place"] == ["reachable", "blocked"]
+    list(planner.open(0.2, START, "the tour"))
+    assert of(planner.destination(0.3, START, {"x": 6.0, "y": 4.0}), "options")["all"]
+
+
+def test_the_plan_of_a_push_is_the_way_with_the_least_mean_angle(planner: LivePlanner) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.0, START, options["cards"][0]["option"]))
+    for direction in (-1.5, -0.4, 0.0, 0.7, 1.6):
+        assert planner.offer is not None
+        ways, present = planner.offer.ways.trajectories, planner.offer.ways.present
+        gaps = [brute(way, START[2] + direction) for way in ways]
+        pushed = of(planner.push(0.0, START, direction), "pushed")
+        assert gaps[pushed["option"]] == pytest.approx(min(gaps), abs=1e-9)
+        assert pushed["followed"] or pushed["option"] == present
+
+
+def brute(way: Trajectory, heading: float) -> float:
+    """Mean angle between a heading and that of a way, at 0, 0.1, ..., 3 s."""
+    yaws = [float(way.at(min(0.1 * i, way.duration)).yaw[0]) for i in range(31)]
+    return sum(abs(math.remainder(yaw - heading, math.tau)) for yaw in yaws) / len(yaws)
