@@ -5,14 +5,13 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import Any
 
 from shapely.errors import ShapelyError
 from shapely.geometry import shape
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real
-from hpop.base.registry import planners
 from hpop.base.text import is_whole, shown
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
@@ -28,6 +27,7 @@ from hpop.planners.needs import refuse_unsupported
 from hpop.problems.front import Front, Point, question_of
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
+from hpop.problems.why import planner_of_point
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -242,9 +242,6 @@ def tell(drive: Execution, event: Mapping[str, Any]) -> None:
         raise DriveError(f"unknown event {shown(kind)} in the record of a drive; save the drive again")
 
 
-OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
-
-
 @checked_arguments
 def follow(
     problem: Problem,
@@ -312,12 +309,10 @@ def _point(front: Front, choice: Any) -> Point:
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:
     """Return the planner that found a point, given the point's provenance, with its options for graph and time."""
-    name = origin.get("planner")
-    options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
-    if not options:
+    planner = planner_of_point(origin)
+    if planner is None:
         raise DriveError(
-            f"{shown(name)} has no graph on which a drive can search; plan with lattice or roadmap, or in Python give "
-            "one of them: planner='lattice'"
+            f"{shown(origin.get('planner'))} has no graph on which a drive can search; plan with lattice or roadmap, "
+            "or in Python give one of them: planner='lattice'"
         )
-    chosen = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
-    return make_planner({cast(str, name): chosen})
+    return planner

@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.base.options import real
 from hpop.base.registry import planners
-from hpop.base.text import shown, some
+from hpop.base.text import some
 from hpop.criteria.costs import trajectory_costs
-from hpop.errors import OptionError, UnknownName, did_you_mean
+from hpop.errors import OptionError
 from hpop.planners.base import PlannerSpec, edge_objectives, make_planner
-from hpop.planners.graphs.passing import Passage, passing_query
+from hpop.planners.graphs.passing import Passage, passing_query, timed_passing_query
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import people_move
 from hpop.planners.spending import Exhausted, Limits, Spending
+from hpop.problems.conditions import CostLimit, passage_of, spoken_unit
 from hpop.problems.front import Front, Point
 from hpop.problems.named_rows import named_rows
-from hpop.problems.places import passage_of
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as front_of
 from hpop.runtime.status import Status
@@ -32,8 +31,8 @@ if TYPE_CHECKING:
     from hpop.planners.base import Planner
     from hpop.planners.graphs.family import GraphFamily
 
-LESS = re.compile(r"(?:fewer|less)\s+(.+)", re.IGNORECASE)
-HURRY = "hurry"
+OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
+SAME = 1e-3  # share of a cost up to which rounding may hide a difference
 WHOLE = 1e-6  # quanta by which a cost may differ from a whole number of them through errors of floating point
 OTHERS = "paths that were not searched may be better"
 
@@ -100,7 +99,7 @@ def why_not(
         raise OptionError(f"the front has no path to compare with: {front.certificate:.400}")
     row = None if than is None else named_rows(front, [than])[0].number
     passage = None if region is through is None else passage_of(problem, through if region is None else region)
-    limit = None if wish is None else _Limit.of(wish, front, front.knee().index if row is None else row)
+    limit = None if wish is None else CostLimit.of(wish, front, front.knee().index if row is None else row)
     if limit is not None and row is None and limit.reference is not None:
         row = limit.reference
     if passage is None:
@@ -118,22 +117,28 @@ class _Found(NamedTuple):
     front   their front
     exact   whether all that are optimal on the searched graph are known
     reason  why there is no path, "" if there is one
+    off     by how much evaluated costs may be off those of the search, by name; 0 for those that are not listed
     """
 
     front: Front
     exact: bool
     reason: str = ""
+    off: Mapping[str, float] = MappingProxyType({})
 
 
 def _passing(problem: Problem, front: Front, passage: Passage, spec: PlannerSpec | None) -> _Found:
-    """Return the front of the paths that pass; if they cannot be searched, the rows of the front that pass."""
-    planner = _planner_of(front) if spec is None else make_planner(spec)
+    """Return the paths that pass; if they cannot be searched, the rows of the front that pass."""
+    if spec is None:
+        several = (planner_of_point(origin) for origin in front.provenance)
+        planner = next((planner for planner in several if planner is not None), None)
+    else:
+        planner = make_planner(spec)
     family = None if planner is None else planner.graph_of_drives
-    if planner is None or family is None or people_move(problem) or planner.max_detour is not None:
+    no_clock = people_move(problem) and (family is None or not family.has_clock(problem) or problem.tour is not None)
+    if planner is None or family is None or no_clock or planner.max_detour is not None:
         passes = np.array([passage.holds(trajectory) for trajectory in front.trajectories])
-        return _Found(
-            replace(front[passes], certificate=f"rows of the front that pass {passage.words}; {OTHERS}"), False
-        )
+        words = f"rows of the front that pass {passage.words}; {OTHERS}"
+        return _Found(replace(front[passes], certificate=words), exact=False)
     found = _searched(problem, passage, planner, family)
     if set(found.front.names) != set(front.names):
         raise OptionError(
@@ -143,102 +148,42 @@ def _passing(problem: Problem, front: Front, passage: Passage, spec: PlannerSpec
     return found
 
 
-def _planner_of(front: Front) -> Planner | None:
-    """Return the planner that found a front's first point, with the options of its graph; None without a graph."""
-    for origin in front.provenance:
-        name = origin.get("planner")
-        options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
-        if options:
-            return make_planner({cast(str, name): {o: origin[o] for o in options if o in origin}})
-    return None
+def planner_of_point(origin: Mapping[str, Any]) -> Planner | None:
+    """Return the planner that found a point, given the point's provenance, with its options for graph and time.
+
+    None for a planner without a graph that can be built again.
+    """
+    name = origin.get("planner")
+    options: tuple[str, ...] = planners[name].graph_options if isinstance(name, str) and name in planners else ()
+    chosen = {option: origin[option] for option in (*options, *OF_TIME) if option in origin}
+    return make_planner({cast(str, name): chosen}) if options else None
 
 
 def _searched(problem: Problem, passage: Passage, planner: Planner, family: GraphFamily) -> _Found:
-    """Return the front of the paths that pass, by an exact search on the graph of a family."""
+    """Return the paths that pass, by an exact search on the graph of a family."""
     kept = problem.keeping(planner.margin)
     spending = Spending(Limits.of(planner.budget()))
     objectives = edge_objectives(problem.criteria, planner.name)
     try:
-        query = passing_query(family.query(kept, objectives, spending), passage)
+        if people_move(problem):
+            *_, built = family.toured_graphs(kept, objectives, spending)
+            query = timed_passing_query(built, passage, objectives, problem, planner.time_options)
+        else:
+            query = passing_query(family.query(kept, objectives, spending), passage)
         candidates = query.exact(planner.name, spending.left())
     except Exhausted as stop:
         raise OptionError(f"the planner's limit ended before the search: {stop}; give more time or memory") from None
     if family.is_judged and len(candidates.trajectories):
         candidates = trusted(candidates, kept, planner.name)
-    found = front_of(problem, candidates)
+    found, reason = front_of(problem, candidates), ""
+    if candidates.status is Status.NO_PATH:
+        space, timing = query.space, query.timing
+        reason = space.what_separates(query.start, query.goals) if timing is None else timing.what_blocks(query)
     if not all(map(passage.holds, found.trajectories)):
         found = replace(found, certificate=f"NOT VALID: a path does not pass, please report ({found.certificate})")
-    reason = query.space.what_separates(query.start, query.goals) if candidates.status is Status.NO_PATH else ""
-    return _Found(found, candidates.status.is_final, reason)
-
-
-@dataclass(frozen=True)
-class _Limit:
-    """Upper bounds of costs that a wish sets.
-
-    words      the wish, as the end of a sentence's subject: "with fewer turns"
-    bounds     largest value of each cost by name; exclusive if there is a ``reference``
-    reference  row of the front that has the bound's value, if the wish is in words
-    """
-
-    words: str
-    bounds: dict[str, float]
-    reference: int | None = None
-
-    @classmethod
-    def of(cls, wish: str | Mapping[str, float], front: Front, row: int) -> _Limit:
-        """Return the bounds of a wish; words mean less of a cost than the given row of the front has."""
-        if isinstance(wish, str):
-            match = LESS.fullmatch(wish.strip())
-            if match is None and wish.strip().lower() != HURRY:
-                near = did_you_mean(wish, [HURRY, *(f"fewer {name}" for name in front.names)])
-                raise OptionError(
-                    f"a wish must be 'hurry', or 'fewer' or 'less' with a cost ({', '.join(front.names)}), or bounds "
-                    f"of costs by name, got {shown(wish)}.{near}"
-                )
-            name = _cost("duration" if match is None else match.group(1), front)
-            more = "fewer" if name == "turns" else "less"
-            return cls(f"{more} {_spoken(name)}", {name: front[row].costs[name]}, row)
-        bounds = {
-            _cost(name, front): float(real(f"the wish for {name}", most, 0, np.inf)) for name, most in wish.items()
-        }
-        if not bounds:
-            raise OptionError("a wish must bound a cost, such as {'turns': 3}, got none")
-        parts = (f"at most {most:.4g} {_unit(name, front)}".rstrip() for name, most in bounds.items())
-        return cls(" and ".join(parts), bounds)
-
-    def met(self, front: Front) -> BoolArray:
-        """Return which rows (n,) of a front meet the bounds."""
-        met = np.ones(len(front), np.bool_)
-        for name, bound in self.bounds.items():
-            j = front.names.index(name)
-            slack = _noise(front)[:, j]
-            met &= (
-                front.costs[:, j] < bound - slack if self.reference is not None else front.costs[:, j] <= bound + 1e-9
-            )
-        return met
-
-
-def _cost(name: str, front: Front) -> str:
-    """Return the name of a cost of the front that a user gives; UnknownName if it has none."""
-    for known in front.names:
-        if known.replace("_", " ") == str(name).strip().lower().replace("_", " "):
-            return known
-    raise UnknownName(
-        f"there is no cost {shown(name)} to wish for.{did_you_mean(name, front.names)} The front has the costs "
-        f"{', '.join(front.names)}; for another cost, plan with that criterion as well"
-    )
-
-
-def _noise(front: Front) -> FloatArray:
-    """Return by how much (n, k) the search may have rounded each cost of each row: up to a quantum for each edge.
-
-    A cost that is a whole number of quanta in all rows, such as turns, is not rounded.
-    """
-    edges = [origin.get("edges") or len(t) for origin, t in zip(front.provenance, front.trajectories, strict=True)]
-    counts = front.costs / front.quanta
-    whole = (np.abs(counts - np.rint(counts)) <= WHOLE).all(axis=0)
-    return np.where(whole, 0.25, np.maximum(np.array(edges, np.float64), 1.0)[:, None]) * front.quanta
+    names = [criterion.name for criterion in candidates.objectives]
+    off = dict(zip(names, candidates.tolerance.max(axis=0, initial=0.0).tolist(), strict=True))
+    return _Found(found, candidates.status.is_final, reason, off)
 
 
 @dataclass(frozen=True, eq=False)
@@ -254,7 +199,7 @@ class _Comparison:
     front: Front
     found: _Found
     passage: Passage | None
-    limit: _Limit | None
+    limit: CostLimit | None
 
     @property
     def able(self) -> Front:
@@ -266,16 +211,14 @@ class _Comparison:
         if not len(self.able):
             return self._answer(f"{self._none()}{self._doubt('another path may')}")
         costs, base = self._columns, self.front.costs
-        noise = _noise(self.able)[:, None] + _noise(self.front)[None]  # (a, n, k)
-        more = costs[:, None] - base[None]
-        equal: BoolArray = np.asarray((np.abs(more) <= noise).all(axis=2))
-        worse: BoolArray = (
-            np.asarray((more >= -noise).all(axis=2)) & ~equal
-        )  # the row is as good in each cost, and better in one
+        more, off = costs[:, None] - base[None], self._off  # (a, n, k), (k,)
+        same = np.minimum(off, SAME * np.abs(base).max(axis=0))
+        equal: BoolArray = np.asarray((np.abs(more) <= same).all(axis=2))
+        worse: BoolArray = np.asarray((more >= -off).all(axis=2)) & ~equal  # the row is better, up to rounding
         spread = np.ptp(np.concatenate([costs, base]), axis=0)
         share = np.divide(more, spread, out=np.zeros_like(more), where=spread > 0.0)
         loss = np.maximum(share, 0.0).sum(axis=2)
-        on = equal.any(axis=1) & ~worse.any(axis=1)
+        on = equal.any(axis=1)
         if row is not None:
             best = int(np.lexsort((share[:, row].sum(axis=1), loss[:, row]))[0])
         elif on.any():
@@ -287,7 +230,7 @@ class _Comparison:
         rows = tuple(np.flatnonzero(equal[on].any(axis=0)).tolist())
         point, numbers = self.able[best], self._numbers(best, row)
         order = np.argsort(-np.abs(share[best, row]), kind="stable")
-        differing = [self.front.names[j] for j in order if abs(more[best, row, j]) > noise[best, row, j]]
+        differing = [self.front.names[j] for j in order if abs(more[best, row, j]) > same[j]]
         if not differing:
             sentence = self._on_front(rows, row)
         else:
@@ -296,6 +239,18 @@ class _Comparison:
             end = self._place(rows, row, better, never=bool((worse | equal).any(axis=1).all()))
             sentence = f"{self._subject} takes {self._amounts(differing, numbers)} than row {row}; {end}."
         return self._answer(sentence + self._doubt("other paths may be better"), point, row, numbers, rows)
+
+    @property
+    def _off(self) -> FloatArray:
+        """By how much (k,) the difference of two evaluated costs may be off that of the search.
+
+        A cost that is a whole number of quanta in all rows, such as turns, is not rounded.
+        """
+        front, every = self.front, np.concatenate([self._columns, self.front.costs])
+        counts = every / front.quanta
+        whole = (np.abs(counts - np.rint(counts)) <= WHOLE).all(axis=0)
+        off = np.array([2.0 * self.found.off.get(name, 0.0) for name in front.names])
+        return np.where(whole, 0.25 * front.quanta, np.maximum(off, front.quanta))
 
     def _numbers(self, best: int, row: int) -> dict[str, float]:
         """Return the costs of a path less those of a row of the front, by name, both evaluated again."""
@@ -367,13 +322,14 @@ class _Comparison:
 
     def _none(self) -> str:
         """Return the sentence for no path that satisfies the condition."""
+        reference = None if self.limit is None else self.limit.reference
+        limit = (
+            "" if self.limit is None else f"{self.limit.words}{'' if reference is None else f' than row {reference}'}"
+        )
         if self.passage is None:
-            assert self.limit is not None
-            reference = self.limit.reference
-            return f"No path has {self.limit.words}{'' if reference is None else f' than row {reference}'}."
-        limit = "" if self.limit is None else f" with {self.limit.words}"
+            return f"No path has {limit}."
         reason = f": {self.found.reason}" if self.found.reason else ""
-        return f"No path passes {self.passage.words}{limit}{reason}."
+        return f"No path passes {self.passage.words}{f' with {limit}' if limit else ''}{reason}."
 
     def _doubt(self, what: str) -> str:
         """Return the words that say so if not all paths that satisfy the condition are known."""
@@ -382,15 +338,5 @@ class _Comparison:
     def _amount(self, name: str, number: float) -> str:
         """Return a difference of a cost in words, such as "2 turns more"."""
         value = f"{abs(number):.2g}" if abs(number) < 10 else f"{abs(number):.0f}"
-        noun = "turn" if (name, value) == ("turns", "1") else _unit(name, self.front)
+        noun = "turn" if (name, value) == ("turns", "1") else spoken_unit(name, self.front)
         return f"{value} {noun} {'more' if number > 0 else 'less'}"
-
-
-def _spoken(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _unit(name: str, front: Front) -> str:
-    """Return the unit and the name of a cost in words; the unit alone for a length or a duration."""
-    unit = front.units[front.names.index(name)]
-    return unit if name in ("length", "duration") else _spoken(name) if unit == "1" else f"{unit} {_spoken(name)}"

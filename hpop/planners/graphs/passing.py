@@ -7,10 +7,10 @@ optimality claims hold for them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import shapely
@@ -19,12 +19,27 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
+from hpop.errors import QueryError
 from hpop.motions import States, is_curve, laws_of
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import ARC
+from hpop.planners.graphs.timed.assembly import timed_graph
+from hpop.planners.graphs.timed.clock import TimeOptions
+from hpop.planners.graphs.timed.plans import GraphOnClock
+from hpop.planners.graphs.timed.timing import Timing
+from hpop.planners.graphs.timed.tour_layers import TimedTour, table_rows
+from hpop.planners.graphs.tour import NONE, TourGraph
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph
+from hpop.planners.objectives import Objectives
+from hpop.runtime.limits import within
 from hpop.search import Graph
 from hpop.trajectories.trajectory import Trajectory
+
+if TYPE_CHECKING:
+    from hpop.planners.graphs.family import BuiltGraph
+    from hpop.planners.graphs.joined_ends import JoinedEnds
+    from hpop.planners.graphs.state_graph import StateGraph
+    from hpop.problems.problem import Problem
 
 SAMPLED = 0.02  # s between the states of a curve at which a passage is checked
 
@@ -144,9 +159,12 @@ class PassingGraph(TrajectoryGraph):
     @property
     def heads(self) -> NDArray[np.int32]:
         """Node (m,) to which each arc leads: the inner arcs from the first layer, then those from the second."""
-        inner, count = self.inner.heads, self.inner.size
-        changes = self.passing if self.passage.across else np.zeros_like(self.passing)
-        return np.concatenate([inner + count * self.passing, inner + count * ~changes]).astype(np.int32)
+        return _heads(self.inner.heads, self.passing, self.inner.size, across=self.passage.across)
+
+    def begins(self, start: int) -> int:
+        """Return what is added to the number of a start node: that of a layer if it lies in the region, else 0."""
+        begin = self.inner.states(np.array([start]))
+        return self.inner.size if self.passage.contains(begin.x, begin.y)[0] else 0
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Return the search graph: the inner arcs and their costs in both layers."""
@@ -213,11 +231,77 @@ class PassingGraph(TrajectoryGraph):
         return "it can be reached, but no path leads from there to the goal"
 
 
+def _heads(heads: IntArray | NDArray[np.int32], passing: BoolArray, count: int, *, across: bool) -> NDArray[np.int32]:
+    """Return the heads (2 m,) of the arcs in both layers, from those (m,) of one layer of ``count`` nodes.
+
+    passing  (m,)  arcs that make the passage; if ``across``, they lead back from the second layer
+    """
+    second = heads + count * ~passing if across else heads + count
+    return np.concatenate([heads + count * passing, second]).astype(np.int32)
+
+
 def passing_query(query: Query, passage: Passage) -> Query:
-    """Return the query for those paths of another query that pass somewhere."""
+    """Return the query for those paths of another query, in which no person moves, that pass somewhere."""
     space = PassingGraph(query.space.model, query.space.world, query.space, passage, spending=query.space.spending)
-    begin, count = query.space.states(np.array([query.start])), query.space.size
-    start = query.start + count * int(passage.contains(begin.x, begin.y)[0])
-    return replace(
-        query, space=space, graph=space.layered(query.graph), start=start, goals=[goal + count for goal in query.goals]
-    )
+    start, count = query.start + space.begins(query.start), query.space.size
+    goals = [goal + count for goal in query.goals]
+    return replace(query, space=space, graph=space.layered(query.graph), start=start, goals=goals)
+
+
+class TimedPassing(TimedTour):
+    """Graph on a clock of the paths that pass somewhere: like that of a tour without stops, in two layers."""
+
+    def blocked_stops(self) -> Iterator[str]:
+        """Yield nothing: there are no stops."""
+        yield from ()
+
+    @classmethod
+    def of(cls, timed: GraphOnClock, space: PassingGraph, ends: Sequence[int]) -> TimedPassing:
+        """Return the two layers of a graph on a clock; ``ends`` are the nodes of its goals."""
+        base, states_of = timed.graph, timed.arcs.states_of
+        arcs, count = base.graph.arcs, base.graph.nodes
+        space.spending.hold(2 * arcs * (8 * base.graph.criteria + ARC), f"the layers of {space.words} were built")
+        states = space.inner.states(states_of)
+        tails, heads = timed.arcs.tails, base.graph.heads
+        passing = space.passage.made(states.x[tails], states.y[tails], states.x[heads], states.y[heads])
+        layers = _heads(heads, passing, count, across=space.passage.across)
+        goals = np.array(ends, np.int64) + count
+        rows = table_rows(timed, np.tile(np.arange(arcs), 2), np.isin(layers, goals))
+        clocked = np.flatnonzero(rows != NONE)
+        indptr = np.append(base.graph.indptr, base.graph.indptr[1:] + arcs)
+        costs = np.concatenate([base.graph.costs, base.graph.costs])
+        graph = replace(
+            base,
+            graph=Graph.from_csr(indptr, layers, costs, aggregates=base.graph.aggregates),
+            durations=np.tile(base.durations, 2),
+            timed=clocked.astype(np.int32),
+            rows=rows[clocked].astype(np.int32),
+            place=np.tile(base.place, 2),
+            stays=np.tile(base.stays, 2),
+        )
+        origins = np.tile(np.arange(arcs, dtype=np.int32), 2)
+        none = np.full(2 * arcs, NONE, np.int32)
+        return cls(timed, cast("TourGraph", space), graph, goals.tolist(), origins, none, np.zeros(1))
+
+
+def timed_passing_query(
+    built: BuiltGraph, passage: Passage, objectives: Objectives, problem: Problem, options: TimeOptions
+) -> Query:
+    """Return the query for the paths that pass somewhere among the moving people of a problem.
+
+    Raises the errors of :func:`.timed.timing.timed_query`, and QueryError for a problem with a tour.
+    """
+    inner, start, ends = built.ends
+    if not inner.has_clock:
+        raise QueryError(
+            f"among moving people, paths through a place are searched on a graph where the robot can wait, but "
+            f"{inner.words} has no such positions; use the lattice, without a tour"
+        )
+    space = PassingGraph(inner.model, inner.world, inner, passage, spending=inner.spending)
+    with within(space.spending):
+        one_layer = cast("StateGraph | JoinedEnds", inner)
+        timed = timed_graph(one_layer, objectives.optimised, start, ends, options, problem.quanta, passes_goals=True)
+        layers = TimedPassing.of(timed, space, ends)
+    begin = timed.start + timed.graph.graph.nodes * (space.begins(start) > 0)
+    timing = Timing(timed, begin, options, problem.world.content.people, tour=layers)
+    return Query(space, objectives, layers.graph.graph, start, layers.goals, notes=built.notes, timing=timing)

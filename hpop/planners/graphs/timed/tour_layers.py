@@ -315,7 +315,7 @@ class _Layering:
         if self._missed is not None:
             costs[:, self._missed] += arcs.missed
         targets = np.array(self.goals, np.int64) + self.last * self.count
-        rows = self._rows(origins, np.isin(arcs.heads, targets))
+        rows = table_rows(self.timed, origins, np.isin(arcs.heads, targets))
         rows[~is_move] = NONE
         stays = is_move & base.stays[origins]
         stays[stops] = True
@@ -343,14 +343,15 @@ class _Layering:
         of_arcs, of_stops = arcs.origins.astype(np.int32), arcs.stops.astype(np.int32)
         return TimedTour(self.timed, self.tour_graph, graph, targets.tolist(), of_arcs, of_stops, self.needed)
 
-    def _rows(self, origins: IntArray, ends: BoolArray) -> IntArray:
-        """Return the row of the tables for each arc (c,), given by its arc in one layer; NONE for arcs without.
 
-        ends  (c,)  whether paths end with the arc
-        """
-        base = self.timed.graph
-        rows = np.full(base.graph.arcs, NONE)
-        rows[base.timed] = base.rows
-        last = rows.copy()
-        last[list(self.timed.last_rows)] = list(self.timed.last_rows.values())
-        return np.where(ends, last[origins], rows[origins])
+def table_rows(timed: GraphOnClock, origins: IntArray, ends: BoolArray) -> IntArray:
+    """Return the row of the tables for each arc (c,), given by its arc in one layer; NONE for arcs without.
+
+    ends  (c,)  whether paths end with the arc
+    """
+    base = timed.graph
+    rows = np.full(base.graph.arcs, NONE)
+    rows[base.timed] = base.rows
+    last = rows.copy()
+    last[list(timed.last_rows)] = list(timed.last_rows.values())
+    return np.where(ends, last[origins], rows[origins])

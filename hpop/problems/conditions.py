@@ -1,4 +1,4 @@
-"""Places where a path shall pass, in words ("left of the statue", a zone) or as shapes (a point, a polygon, a line)."""
+"""Conditions that a path shall satisfy: a place where it passes, in words or as a shape, and upper bounds of costs."""
 
 from __future__ import annotations
 
@@ -12,12 +12,14 @@ import shapely
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import FloatArray
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import real
 from hpop.base.text import shown
-from hpop.errors import QueryError, did_you_mean
+from hpop.errors import OptionError, QueryError, UnknownName, did_you_mean
 from hpop.planners.graphs.passing import Passage
 
 if TYPE_CHECKING:
+    from hpop.problems.front import Front
     from hpop.problems.problem import Problem
     from hpop.world import World
 
@@ -29,6 +31,8 @@ FORMS = (
 SAMPLES = 40  # along each axis of a region that is checked for free places
 BESIDE = re.compile(r"(left|right) of (.+)", re.IGNORECASE)
 BETWEEN = re.compile(r"between (.+)", re.IGNORECASE)
+LESS = re.compile(r"(?:fewer|less)\s+(.+)", re.IGNORECASE)
+HURRY = "hurry"
 NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?"
 POSITION = re.compile(rf"({NUMBER})\s*,\s*({NUMBER})", re.IGNORECASE)
 POSITIONS = re.compile(rf"{POSITION.pattern}(?:[\s;]+{POSITION.pattern})*", re.IGNORECASE)
@@ -71,7 +75,7 @@ def passage_of(problem: Problem, place: Any) -> Passage:
 
 def _shape(place: Any) -> BaseGeometry:
     """Return a point, line or polygon, from a shape of shapely or from positions (x, y), m."""
-    shape = place
+    shape: BaseGeometry = place
     if not isinstance(place, BaseGeometry):
         try:
             corners: FloatArray = np.atleast_2d(np.array(place, np.float64))
@@ -101,8 +105,8 @@ def _passage(world: World, shape: BaseGeometry, words: str = "") -> Passage:
     elif isinstance(shape, Point):
         passage = Passage(words or f"within {WITHIN:g} m of ({shape.x:g}, {shape.y:g})", shape, WITHIN)
     else:
-        x, y = shape.centroid.x, shape.centroid.y
-        passage = Passage(words or f"through the region about ({x:.4g}, {y:.4g})", shape)
+        middle = shape.centroid
+        passage = Passage(words or f"through the region about ({middle.x:.4g}, {middle.y:.4g})", shape)
     x0, y0, x1, y1 = world.bounds
     what = words.removeprefix("through ") or {"Point": "the position", "LineString": "the line"}.get(
         shape.geom_type, "the region"
@@ -125,8 +129,9 @@ def _samples(passage: Passage) -> tuple[FloatArray, FloatArray]:
     """Return positions (M,), m, in the region or on the line of a passage."""
     shape = passage.shape
     if passage.across:
-        points = shapely.line_interpolate_point(shape, np.linspace(0.0, 1.0, SAMPLES**2), normalized=True)
-        return shapely.get_x(points), shapely.get_y(points)
+        share, (begin, end) = np.linspace(0.0, 1.0, SAMPLES**2)[:, None], shapely.get_coordinates(shape)
+        x, y = (begin + share * (end - begin)).T
+        return x, y
     x0, y0, x1, y1 = shape.buffer(passage.within).bounds
     x, y = (axis.ravel() for axis in np.meshgrid(np.linspace(x0, x1, SAMPLES), np.linspace(y0, y1, SAMPLES)))
     inside = passage.contains(x, y)
@@ -259,3 +264,69 @@ def _ends(problem: Problem) -> tuple[FloatArray, FloatArray]:
             "NAME and NAME"
         )
     return start, np.array(places, np.float64).mean(axis=0)
+
+
+@dataclass(frozen=True)
+class CostLimit:
+    """Upper bounds of costs that a wish sets.
+
+    words      the wish, as the end of a sentence's subject: "with fewer turns"
+    bounds     largest value of each cost by name; exclusive if there is a ``reference``
+    reference  row of the front that has the bound's value, if the wish is in words
+    """
+
+    words: str
+    bounds: dict[str, float]
+    reference: int | None = None
+
+    @classmethod
+    def of(cls, wish: str | Mapping[str, float], front: Front, row: int) -> CostLimit:
+        """Return the bounds of a wish; words mean less of a cost than the given row of the front has."""
+        if isinstance(wish, str):
+            match = LESS.fullmatch(wish.strip())
+            if match is None and wish.strip().lower() != HURRY:
+                near = did_you_mean(wish, [HURRY, *(f"fewer {name}" for name in front.names)])
+                raise OptionError(
+                    f"a wish must be 'hurry', or 'fewer' or 'less' with a cost ({', '.join(front.names)}), or bounds "
+                    f"of costs by name, got {shown(wish)}.{near}"
+                )
+            name = _cost("duration" if match is None else match.group(1), front)
+            more = "fewer" if name == "turns" else "less"
+            return cls(f"{more} {spoken(name)}", {name: front[row].costs[name]}, row)
+        bounds = {
+            _cost(name, front): float(real(f"the wish for {name}", most, 0, np.inf)) for name, most in wish.items()
+        }
+        if not bounds:
+            raise OptionError("a wish must bound a cost, such as {'turns': 3}, got none")
+        parts = (f"at most {most:.4g} {spoken_unit(name, front)}".rstrip() for name, most in bounds.items())
+        return cls(" and ".join(parts), bounds)
+
+    def met(self, front: Front) -> BoolArray:
+        """Return which rows (n,) of a front meet the bounds."""
+        met = np.ones(len(front), np.bool_)
+        for name, bound in self.bounds.items():
+            j = front.names.index(name)
+            met &= front.costs[:, j] <= (bound + 1e-9 if self.reference is None else bound - 0.5 * front.quanta[j])
+        return met
+
+
+def _cost(name: str, front: Front) -> str:
+    """Return the name of a cost of the front that a user gives; UnknownName if it has none."""
+    for known in front.names:
+        if known.replace("_", " ") == str(name).strip().lower().replace("_", " "):
+            return known
+    raise UnknownName(
+        f"there is no cost {shown(name)} to wish for.{did_you_mean(name, front.names)} The front has the costs "
+        f"{', '.join(front.names)}; for another cost, plan with that criterion as well"
+    )
+
+
+def spoken(name: str) -> str:
+    """Return the name of a cost in words."""
+    return name.replace("_", " ")
+
+
+def spoken_unit(name: str, front: Front) -> str:
+    """Return the unit and the name of a cost in words; the unit alone for a length or a duration."""
+    unit = front.units[front.names.index(name)]
+    return unit if name in ("length", "duration") else spoken(name) if unit == "1" else f"{unit} {spoken(name)}"
