@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world import World
 
-
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
 CACHED = ("_places", "_finder", "tails")  # cached values that depend only on states and arcs of the graph
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
@@ -97,14 +96,14 @@ class DriveGraph:
         masks = [closed_arcs(inner, closing, *states_by_place(inner)) for closing in closings]
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
-    def from_beside(self, problem: Problem) -> DriveGraph:
+    def from_beside(self, problem: Problem, state: States | None = None) -> DriveGraph:
         """Return this graph with a new start: the start of a problem, a state off the graph, joined to it by motions.
 
-        Criteria and closed areas stay those of this graph. The problem must have the goal of the drive.
+        Criteria and closed areas stay. The problem must have the goal of the drive. Among moving people, the robot
+        comes there at the speed of ``state`` (1,).
         """
-        joined = DriveGraph.laid_out(
-            self.name, self.inner, problem, self.query.objectives, like=self.query.space.one_layer
-        )
+        inner = self.inner if state is None else self.inner.arriving_at(float(speed_of(state)[0]))
+        joined = DriveGraph.laid_out(self.name, inner, problem, self.query.objectives, like=self.query.space.one_layer)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
@@ -210,7 +209,7 @@ class DriveGraph:
 
         return KDTree(_points(self.inner, self._places[0]))
 
-    def nodes(self, states: States) -> IntArray:
+    def nodes(self, states: States, *, at_rest: bool = False) -> IntArray:
         """Return the nodes (N,) of the graph, without start and goal, at states (N,); -1 where there is no node.
 
         With several speeds, the nodes are those for the column ``speed`` of the states; without it, those at rest.
@@ -222,11 +221,13 @@ class DriveGraph:
         same = np.ones(nearest.size, dtype=np.bool_)
         for name, off in space.differences(own, states_there).items():
             same &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
-        return np.where(same, self.query.space.in_layer(nearest, speed_of(states)), -1)
+        return np.where(same, self.query.space.in_layer(nearest, speed_of(own if at_rest else states)), -1)
 
     def beginning(self, state: States) -> int:
         """Return the node of the start at the speed of a state (1,)."""
-        return self.query.start + int(self.query.space.in_layer(np.zeros(1, np.int64), speed_of(state))[0])
+        space = self.query.space
+        layer = 0 if space.one_layer is space else space.in_layer(np.zeros(1, np.int64), speed_of(state))[0]
+        return self.query.start + int(layer)
 
     def arcs_of(self, trajectories: Sequence[Trajectory]) -> list[IntArray]:
         """Return for each trajectory the arcs of its last part on the graph, up to a goal; [] if it ends elsewhere."""
@@ -237,7 +238,7 @@ class DriveGraph:
         if not trajectories:
             return []
         columns = {n: [getattr(t.states, n) for t in trajectories] for n in self.inner.model.space.names}
-        columns |= {SPEED: [speed_of(t.states) for t in trajectories]}
+        columns[SPEED] = [speed_of(t.states) for t in trajectories]
         nodes = self.nodes(States(**{name: np.concatenate(each) for name, each in columns.items()}))
         ends = np.cumsum([len(t) + 1 for t in trajectories])
         return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]

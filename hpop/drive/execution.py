@@ -24,7 +24,7 @@ from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanCompari
 from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
 from hpop.drive.remaining_front import front_of_rest
 from hpop.drive.replanning import Replanner, ReplanResult
-from hpop.drive.storage import Change, StopLog, deadline_of, refuse_among_people, written
+from hpop.drive.storage import Change, StopLog, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
 from hpop.errors import DriveError
@@ -77,7 +77,6 @@ class Execution(StopLog):
         notice: float = NOTICE,
         preference: Preferring | None = None,
     ) -> None:
-        refuse_among_people(problem)
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         super().__init__(begin)
         self.patience = real("patience", patience, 0, 1, "a share", error=DriveError)
@@ -369,7 +368,6 @@ class Execution(StopLog):
         if isinstance(people, Iterable) and not isinstance(people, str):
             people = given["people"] = tuple(people)
         after = before.changed(now, what, given[what], name, groups)
-        refuse_among_people(after.problem)
         new = [closing for closing in after.closed if closing not in before.closed]
         refuse_covered(new, self.problem.model, self._progress.state(now))
         talk = after.problem.world.content.groups

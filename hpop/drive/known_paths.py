@@ -13,7 +13,7 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.closings import Closing
-from hpop.drive.plan import SAME, closed_trajectories, joined, part
+from hpop.drive.plan import SAME, closed_trajectories, joined, part, speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import States
 from hpop.planners.base import Candidates
@@ -84,7 +84,7 @@ CLAIM = (
 def remaining_from(trajectories: Iterable[Trajectory], state: States) -> Iterator[Trajectory]:
     """Yield the part of each trajectory from its last visit to a state (1,) on, if it visits the state."""
     for trajectory in trajectories:
-        at_state = np.ones(len(trajectory) + 1, dtype=np.bool_)
+        at_state = np.abs(speed_of(trajectory.states) - speed_of(state)) <= SAME
         rows = np.zeros(len(trajectory) + 1, np.int64)
         for off in trajectory.model.space.differences(state.take(rows), trajectory.states).values():
             at_state &= np.abs(off) <= SAME

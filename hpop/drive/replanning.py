@@ -24,6 +24,7 @@ from hpop.drive.timed_drive_graph import LatestOnlyWorker, ScheduledPath, TimedD
 from hpop.drive.tour import TourGraphs
 from hpop.errors import DriveError
 from hpop.planners.base import Candidates, Planner
+from hpop.planners.graphs.run_speeds import run_speed_graph
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.graphs.timed.presence import reading_time
@@ -266,7 +267,7 @@ class Replanner:
         base = untimed = self._without_time(now)
         node = int(untimed.nodes(commit.state)[0])
         if node < 0:
-            untimed = untimed.from_beside(now.at(commit.state, commit.time))
+            untimed = untimed.from_beside(now.at(commit.state, commit.time), commit.state)
             node = untimed.beginning(commit.state)
         options = self.planner.time_options
         if options.arrive_by is not None:  # counted from when the robot left
@@ -301,7 +302,7 @@ class Replanner:
         if self._untimed is not None and self._untimed.world is world:
             return self._untimed
         if self._untimed is None:  # the other thread leaves a core to the drive
-            space = replace(self._inner(now), spending=Spending(cores=max(1, CORES - 1)))
+            space = run_speed_graph(replace(self._inner(now), spending=Spending(cores=max(1, CORES - 1))))
         else:
             space = self._untimed.inner
         timed = reading_time(self.objectives.optimised, space.costed_in(world))

@@ -25,7 +25,6 @@ from hpop.frontier import strict_json
 from hpop.frontier.storage import checked_path
 from hpop.frontier.strict_json import parse, pieces, plain
 from hpop.planners.base import Planner
-from hpop.planners.needs import people_move, refuse_speeds
 from hpop.problems.front import found_from_file, seen_from_file
 from hpop.trajectories.motion_table import MotionTable
 from hpop.world import Person
@@ -186,12 +185,6 @@ def written(
 
 NOTED = ("visited", "passed over")
 """Events of the log that follow from others; a drive that is repeated notes them again."""
-
-
-def refuse_among_people(problem: Problem) -> None:
-    """Raise QueryError for a robot with several speeds among people who move."""
-    if people_move(problem):
-        refuse_speeds(problem, "a drive among moving people")
 
 
 class StopLog(EventLog):

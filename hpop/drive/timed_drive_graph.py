@@ -23,7 +23,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.drive.drive_graph import DriveGraph
 from hpop.drive.options import Commit
-from hpop.drive.plan import SAME
+from hpop.drive.plan import SAME, speed_of
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.tour import TourDriveGraph
 from hpop.motions import States
@@ -123,11 +123,13 @@ class TimedDriveGraph:
         near = tuple[tuple[int, float], ...]()
         if not is_far and clear.near(_start(commit.state, at)):
             # Places soon after the commit belong to the same query: the robot may still be leaving there.
-            nodes, times = untimed.nodes(commit.later.states).tolist(), (commit.later.times - now.since).tolist()
-            each = enumerate(zip(nodes, times, strict=True))
-            people_near = (clear.near(_start(commit.later.states.take([i]), time)) for i, (_, time) in each)
-            later = zip(nodes, times, people_near, strict=True)
-            near = ((node, at), *((place, time) for place, time, people in later if place >= 0 and people))
+            states, times = commit.later.states, (commit.later.times - now.since).tolist()
+            is_near = [bool(clear.near(_start(states.take([i]), time))) for i, time in enumerate(times)]
+            later = [*zip(untimed.nodes(states).tolist(), times, is_near, strict=True)]
+            later += zip(untimed.nodes(states, at_rest=True).tolist(), times, is_near, strict=True)
+            stands = int(untimed.nodes(commit.state, at_rest=True)[0])  # with several speeds, the robot may stop there
+            later = [(stands, at, True), *later]
+            near = tuple(dict.fromkeys([(node, at), *(each[:2] for each in later if each[0] >= 0 and each[2])]))
         laid = GraphParts(untimed.graph, untimed.closed, begin, near, arcs)
         ends = tuple(dict.fromkeys(untimed.query.goals))
         query = space, objectives.optimised, node, ends, options, now.problem.quanta, laid
@@ -215,7 +217,8 @@ class TimedDriveGraph:
     def node(self, state: States) -> int:
         """Return the node at a state (1,); -1 if there is none."""
         space = self.untimed.inner.model.space
-        if all(abs(off[0]) <= SAME for off in space.differences(state, self.state).values()):
+        off = [*space.differences(state, self.state).values(), speed_of(state) - speed_of(self.state)]
+        if all(abs(each[0]) <= SAME for each in off):
             return self.start
         return int(self.untimed.nodes(state)[0])
 

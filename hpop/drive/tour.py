@@ -24,7 +24,7 @@ from hpop.drive.known_paths import KnownRoutes
 from hpop.drive.plan import SAME, between
 from hpop.errors import DriveError, did_you_mean
 from hpop.goals import Tour
-from hpop.motions import HOLD
+from hpop.motions import HOLD, States
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.tour import TourGraph
@@ -166,9 +166,9 @@ class TourDriveGraph(DriveGraph):
         query = replace(base.query, space=space, graph=space.layered(base.graph, criteria), goals=space.targets)
         return cls(base.name, query, base.world, base.closings, base=base, space=space)
 
-    def from_beside(self, problem: Problem) -> TourDriveGraph:
+    def from_beside(self, problem: Problem, state: States | None = None) -> TourDriveGraph:
         """Return this graph with a new start; see :meth:`hpop.drive.drive_graph.DriveGraph.from_beside`."""
-        return TourDriveGraph.over(self.base.from_beside(problem), self.space.tour)
+        return TourDriveGraph.over(self.base.from_beside(problem, state), self.space.tour)
 
     @property
     def inner(self) -> StateGraph:

@@ -65,15 +65,6 @@ def people_move(problem: Problem) -> bool:
     return any(person.moves for person in problem.world.content.people)
 
 
-def refuse_speeds(problem: Problem, what: str) -> None:
-    """Raise QueryError for a model with several speeds; ``what`` names, for the error, a method that drives at one."""
-    if problem.model.speed_classes or problem.model.paces:
-        raise QueryError(
-            f"{what} drives at one speed, but the robot has the speeds {_speeds_text(problem.model)}; give the model "
-            "one speed"
-        )
-
-
 def _speeds_text(model: Model) -> str:
     if model.paces:
         return ", ".join(dict.fromkeys(kind for pace in model.paces for kind in pace.values()))

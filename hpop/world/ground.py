@@ -49,7 +49,8 @@ class Cache:
         budget = _Budget(LIMIT if limit is None else limit) if beside is None else beside._budget
         self._budget: _Budget = budget
         self._values: dict[Hashable, tuple[int, Any]] = {}  # number of the last use, and the value
-        self._budget.caches.add(self)
+        with budget.lock:
+            budget.caches.add(self)
 
     @property
     def size(self) -> int:

@@ -29,9 +29,11 @@ SLACK = np.array([0, 0, 10])  # counts: what standing costs is a difference of t
 CLOSED = shapely.box(7.2, 2.2, 7.6, 2.6)
 
 
-def among(*people: Person, margin: float = 0.0) -> tuple[hpop.Problem, hpop.Front, Lattice]:
+def among(
+    *people: Person, margin: float = 0.0, speeds: tuple[float, ...] = (1.0,)
+) -> tuple[hpop.Problem, hpop.Front, Lattice]:
     """Return the problem of a hall with a wall, two openings and people; its front; and the planner."""
-    robot = hpop.DifferentialDrive(radius=0.3)
+    robot = hpop.DifferentialDrive(radius=0.3, speeds=speeds)
     world = two_doors(people=people)
     problem = hpop.Problem(world, robot, START, (9.5, 2.0, None), list(CRITERIA), quanta=QUANTA)
     planner = Lattice(step=0.5, headings=4, margin=margin)
@@ -77,7 +79,8 @@ def counts(drive: Execution, options: Options) -> np.ndarray:
 @pytest.mark.seeds(1, of=30)
 def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    problem, front, planner = among(*walkers(rng), margin=[0.0, 0.1][seed % 2])
+    speeds = [(1.0,), (0.5, 1.0)][seed // 2 % 2]
+    problem, front, planner = among(*walkers(rng), margin=[0.0, 0.1][seed % 2], speeds=speeds)
     drive = hpop.follow(problem, front, int(rng.integers(len(front))), planner=planner)
     now = 0.0
     for event in ("none", "close", "people", "open"):
@@ -92,7 +95,8 @@ def test_options_among_people_are_those_of_a_fresh_search(seed: int) -> None:
         graph = drive._replanner._timed
         options = drive.options(now, 0.2)
         assert drive._replanner._timed is graph  # it was made ready when the world changed
-        if options.commit.arrives or options.status is not Status.COMPLETE:
+        settled = all(options.commit.time - drive.surroundings.since > one.until for one in drive.surroundings.people)
+        if options.commit.arrives or options.status is not Status.COMPLETE or settled:
             continue
         mine, theirs = counts(drive, options), fresh(drive, options)
         assert covered(mine, theirs, SLACK)

@@ -6,6 +6,7 @@ that the robot has there, in a new world with the closed areas.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -16,6 +17,7 @@ import pytest
 import shapely
 
 import hpop
+from hpop.drive.plan import joined
 from hpop.errors import DriveError, QueryError
 from hpop.motions import States
 from hpop.planners import Lattice
@@ -25,9 +27,13 @@ from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
+from hpop.runtime.status import Status
+from hpop.world import Person
 from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered
 from tests.planners.speeds.test_enumerated import ACROSS, CRITERIA, HEADINGS, RADIUS, SIZE, Oracle, executed_as_planned
+from tests.planners.timed.test_enumerated import driven, is_safe, person
+from tests.planners.timed.test_run_speeds import SpeedCase
 
 PLANNER = Lattice(step=1.0, headings=HEADINGS)
 EXTENT = shapely.box(-0.5, -0.5, SIZE[0] - 0.5, SIZE[1] - 0.5)
@@ -138,3 +144,89 @@ def test_options_along_a_tour_are_those_of_a_fresh_problem_at_that_speed(seed: i
     slack = np.where(query.quanta < 1.0, 40 * query.quanta, 0.5)
     assert covered(wanted, options.front.costs, slack)
     assert covered(options.front.costs, wanted, slack)
+
+
+def among_people(seed: int) -> Iterator[tuple[SpeedCase, hpop.drive.Options]]:
+    """Yield options of a drive among people, each with the query on a grid of which they should be the front."""
+    rng = np.random.default_rng(seed)
+    people = tuple(
+        person(*rng.uniform((0.3, 0.3), (1.3, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(2, 6), name=name)
+        for name in ("Ann", "Bob")[: 1 + seed % 2]
+    )
+    case = SpeedCase(people, hold=(None, 1.0)[seed % 3 > 0], goal=(3, int(rng.integers(2))), ticks=32)
+    tick = case.robot.tick
+    problem, front = case.front()
+    planner = Lattice(step=case.robot.step, headings=4, clock=tick, hold=case.hold, arrive_by=case.ticks * tick)
+    if not len(front) or any("taken to stop" in note for note in front.notes):
+        return
+    drive, now = hpop.follow(problem, front, int(rng.integers(len(front))), planner=planner), 0.0
+    for _ in range(3):
+        drive.ready(now)
+        options = drive.options(now, 0.2)
+        commit = options.commit
+        if commit.arrives:
+            return
+        assert options.status is Status.COMPLETE
+        x, y, yaw, speed = (float(getattr(commit.state, name)[0]) for name in ("x", "y", "yaw", "speed"))
+        cell = round(x / case.robot.step), round(y / case.robot.step), round(yaw / (np.pi / 2)) % 4
+        ticks = round(commit.time / tick)
+        yield (
+            replace(
+                case,
+                people=tuple(one.later(commit.time) for one in people),
+                start=cell,
+                begins=[0.0, *case.robot.model.speeds].index(speed),
+                ticks=case.ticks - ticks,
+            ),
+            options,
+        )
+        drive.take(int(rng.integers(len(options))))
+        now = commit.time + 0.01
+
+
+@pytest.mark.seeds(1, of=60)
+def test_options_among_people_are_those_of_all_plans_of_a_grid_from_there(seed: int) -> None:
+    for case, options in among_people(seed):
+        priced = sorted(case.plans(), key=lambda plan: plan[0])
+        best: list[tuple[float, ...]] = []
+        for row, motions in priced:
+            if any(all(a <= b for a, b in zip(other, row, strict=True)) for other in best):
+                continue
+            if is_safe(case, driven(case, motions), case.people):
+                best.append(row)
+                assert (options.front.costs <= np.array(row) + 1e-6).all(axis=1).any(), (row, motions)
+        possible = {tuple(np.round(row, 6)) for row, _ in priced}
+        for row, way in zip(options.front.costs, options.front.trajectories, strict=True):
+            assert tuple(np.round(row, 6)) in possible
+            assert not [other for other in best if (np.array(other) <= row + 1e-6).all() and (other < row - 1e-6).any()]
+            whole = joined(options.commit.before, way)
+            assert list(whole.model.faults(whole)) == []
+
+
+@pytest.mark.seeds(0, of=30)
+def test_a_drive_goes_on_as_people_come_and_go_and_areas_close_and_open(seed: int, tmp_path: Path) -> None:
+    rng, lone = np.random.default_rng(seed), Room(seed)
+    problem = lone.problem((0.0, 1.0, 0.0))
+    problem = replace(problem, criteria=["duration", "felt_acceleration", "turns"])
+    front = problem.solve(PLANNER)
+    drive, now = hpop.follow(problem, front, int(rng.integers(len(front))), planner=PLANNER), 0.0
+    for event in ("people", "close", "open", "people", "gone"):
+        now += float(rng.uniform(0.1, 1.5))
+        with suppress(DriveError):  # an area that covers the robot, or nothing closed
+            if event in ("people", "gone"):
+                walk = {"velocity": tuple(rng.uniform(-0.4, 0.4, 2)), "until": 8.0, "radius": 0.15}
+                drive.world(now, people=[Person(*rng.uniform((1.0, -0.4), (3.4, 2.4)), **walk)] * (event == "people"))
+            else:
+                lone.event(drive, now)
+        drive.ready(now)
+        options = drive.options(now, 0.3)
+        for option in options:
+            whole = joined(options.commit.before, option.item)
+            assert list(whole.model.faults(whole)) == []
+            begins = float(getattr(option.item.states, "speed", np.zeros(1))[0])
+            assert begins == float(options.commit.state.speed[0]) or not len(option.item)
+        if len(options):
+            drive.take(int(rng.integers(len(options))))
+    assert list(lone.robot.faults(drive.plan)) == []
+    drive.save(tmp_path / "drive.json")
+    assert hpop.drive.load(tmp_path / "drive.json").plan.describe() == drive.plan.describe()

@@ -23,7 +23,6 @@ from hpop.search.timed import timed_paths
 from tests.drive.rooms import two_doors
 from tests.drive.test_among_people import CLOSED, walkers
 
-ROBOT = hpop.DifferentialDrive(radius=0.3)
 STOPS: list[dict[str, Any]] = [
     {"at": (3.0, 3.0), "within": 0.4, "dwell": 2.0, "name": "west"},
     {"at": (8.0, 4.0), "within": 0.4, "dwell": 1.0, "name": "east"},
@@ -36,7 +35,8 @@ def driving(seed: int) -> tuple[Execution, np.random.Generator]:
     rng = np.random.default_rng(seed)
     world, tour = two_doors(people=walkers(rng)), hpop.Tour(STOPS, order="any")
     criteria = ["turns", "duration", "stops_missed"]
-    problem = hpop.Problem(world, ROBOT, (1.0, 2.0, 0.0), (9.5, 2.0, None), criteria, tour=tour)
+    robot = hpop.DifferentialDrive(radius=0.3, speeds=[(1.0,), (0.5, 1.0)][seed % 2])
+    problem = hpop.Problem(world, robot, (1.0, 2.0, 0.0), (9.5, 2.0, None), criteria, tour=tour)
     planner = Lattice(step=0.5, headings=4)
     front = problem.solve(planner)
     return hpop.follow(problem, front, int(rng.integers(len(front))), planner=planner), rng

@@ -154,9 +154,11 @@ class JoinedEnds(TrajectoryGraph):
 
     def at_rest(self, ids: IntArray) -> BoolArray:
         """Return a mask (N,): True for the ends, and for states of the inner graph in which the robot may stand."""
-        rest = ids >= self.inner.size
-        rest[~rest] = self.inner.at_rest(ids[~rest])
-        return np.asarray(rest)
+        return self.inner.at_rest(ids)
+
+    def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
+        """Return the nodes (N,) of nodes (N,) at speeds (N,), m/s; those of ends stay."""
+        return np.where(states < self.inner.size, self.inner.in_layer(states, speeds), states)
 
     def node(self, what: str) -> int:
         """Return the node number of an end by its name in ``ends``."""

@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.base.options import LEAST
 from hpop.models.speeds import checked_speeds
 from hpop.motions import Model, Motions, States, laws_of
@@ -30,6 +30,10 @@ from hpop.planners.graphs.speed_joins import at_speed
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.trajectory_graph import Stretches
 
+if TYPE_CHECKING:
+    from hpop.problems.problem import Problem
+    from hpop.world import World
+
 
 def with_run_speeds(ends: Ends, model: Model) -> Ends:
     """Return the graph in which each straight run has one of the speeds of the model, for plans among moving people.
@@ -39,8 +43,7 @@ def with_run_speeds(ends: Ends, model: Model) -> Ends:
     space, alone = ends.space, ends.space.states_alone
     if not model.speed_classes or alone is None:
         return ends
-    speeds = checked_speeds(model.speed_classes, LEAST)
-    layered = space.over_states(lambda states: RunSpeedGraph(states.model, states.world, states, speeds))
+    layered = space.over_states(run_speed_graph)
     shift = layered.size - space.size  # nodes that were added for ends come after those of all layers
 
     def moved(node: int) -> int:
@@ -49,16 +52,26 @@ def with_run_speeds(ends: Ends, model: Model) -> Ends:
     return Ends(layered, moved(ends.start), [moved(goal) for goal in ends.goals])
 
 
+def run_speed_graph(states: StateGraph) -> StateGraph:
+    """Return a graph of states in which each straight run has one of the speeds of the model, if it has several."""
+    if not states.model.speed_classes:
+        return states
+    speeds = checked_speeds(states.model.speed_classes, LEAST)
+    return RunSpeedGraph(states.model, states.world, states, speeds, spending=states.spending)
+
+
 @dataclass(frozen=True, eq=False)
 class RunSpeedGraph(StateGraph):
     """States of an inner graph at rest, and in two layers for each speed; see the text of this module.
 
-    inner   graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k others
-    speeds  (k,)  m/s, rising
+    inner    graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k others
+    speeds   (k,)  m/s, rising
+    arrives  m/s, speed at which the robot comes to a start beside the graph, where it then stops
     """
 
     inner: StateGraph
     speeds: tuple[float, ...]
+    arrives: float = 0.0
 
     @property
     def size(self) -> int:
@@ -94,8 +107,30 @@ class RunSpeedGraph(StateGraph):
         return np.array([0.0, *self.speeds, *self.speeds])[ids // self.inner.size]
 
     def at_rest(self, ids: IntArray) -> BoolArray:
-        """Return which nodes (N,) are at rest."""
-        return np.asarray(ids < self.inner.size)
+        """Return which nodes (N,), also those of ends joined to the graph, are at rest."""
+        return np.asarray((ids < self.inner.size) | (ids > self.size) | ((ids == self.size) & (self.arrives == 0.0)))
+
+    def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
+        """Return the nodes (N,) of nodes (N,) at speeds, m/s (N,), along a path; a run begins where it was at rest."""
+        states, layers = states % self.inner.size, np.abs(speeds[:, None] - [0.0, *self.speeds]).argmin(axis=1)
+        begins = np.append(False, (states[1:] == states[:-1]) & (layers[:-1] == 0))
+        return np.asarray(states + self.inner.size * (layers + len(self.speeds) * ((layers > 0) & ~begins)))
+
+    def arriving_at(self, speed: float) -> RunSpeedGraph:
+        """Return the graph to which a start may be joined at which the robot arrives at a speed, m/s."""
+        return copied(self, arrives=speed)
+
+    def costed_in(self, world: World) -> RunSpeedGraph:
+        """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""
+        return copied(super().costed_in(world), inner=self.inner.costed_in(world))
+
+    def reach(self, problem: Problem) -> float:
+        """Return the distance, m, within which a start or goal off the graph is connected to states."""
+        return self.inner.reach(problem)
+
+    def cut_corners(self, tails: IntArray, kinds: IntArray, blocked: IntArray) -> BoolArray:
+        """Return which arcs (N,) may not be used because states next to them are blocked."""
+        return self.inner.cut_corners(tails % self.inner.size, kinds, blocked % self.inner.size)
 
     def places(self, ids: IntArray) -> IntArray:
         """Return the number (N,) of the place of each node; a position has another one for driving than for rest."""
@@ -141,9 +176,17 @@ class RunSpeedGraph(StateGraph):
         return replace(motions, start=start, end=end)
 
     def driven(self, chains: MotionChains) -> MotionChains:
-        """Return chains with their moves at the fastest speed, each between two changes of speed."""
+        """Return chains with their moves at the fastest speed, each between two changes of speed.
+
+        Those from a start at which the robot arrives at a speed begin with a change to rest.
+        """
         laws, rest = laws_of(self.model), np.zeros(chains.tails.size)
         kinds, corners, present = list[str](), [at_speed(chains.corners[0], rest)], list[BoolArray]()
+        if self.arrives:
+            slowed = chains.tails == self.size  # the start is the first node after all states
+            corners.insert(0, at_speed(chains.corners[0], np.where(slowed, self.arrives, 0.0)))
+            kinds.append(CHANGE)
+            present.append(slowed)
         for kind, end, some in zip(chains.kinds, chains.corners[1:], chains.present, strict=True):
             if SPEED in laws[kind].extra:
                 speed = np.where(some, self.speeds[-1], 0.0)

@@ -44,14 +44,14 @@ if TYPE_CHECKING:
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, moving: bool = False) -> Ends:
     """Return the graph in which the robot chooses among the speeds of the model, its ``speed_classes`` or ``paces``.
 
-    ends      graph without speeds, with start and goals among its nodes; returned as it is if the model has one speed
+    ends      graph with start and goals among its nodes; returned as it is if the model has one speed, or it has speeds
     criteria  costs that the search minimises
     moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
 
     Raises QueryError for a graph without states in the plane or chains of motions, and ModelError for wrong speeds.
     """
     space, start, goals = ends
-    if not (model.speed_classes or model.paces):
+    if not (model.speed_classes or model.paces) or CHANGE in space.kinds:
         return ends
     speeds = checked_speeds(model.speed_classes, LEAST) if model.speed_classes else ()
     if speeds and CHANGE not in laws_of(model):

@@ -55,6 +55,10 @@ class StateGraph(TrajectoryGraph):
         """Return the graph that ``change`` makes of this one, which has no added nodes."""
         return change(self)
 
+    def arriving_at(self, speed: float) -> StateGraph:
+        """Return the graph to which a start may be joined where the robot arrives at a speed, m/s; by default, this."""
+        return self
+
     @abstractmethod
     def places(self, ids: IntArray) -> IntArray:
         """Return the number (N,) of the place of each state; states with equal numbers have the same position."""

@@ -16,7 +16,7 @@ import hpop
 from hpop.base.arrays import Column
 from hpop.cli.report import print_front
 from hpop.criteria.base import criterion
-from hpop.errors import ModelError, QueryError, UnsupportedModel
+from hpop.errors import ModelError, UnsupportedModel
 from hpop.models import PanTilt
 from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.laws import Spin, Turn
@@ -278,14 +278,6 @@ def test_planners_for_one_speed_say_which_ones_choose(planner: str) -> None:
         UnsupportedModel, match=r"the robot has the speeds 0.5, 1, 1.5 m/s; give the model one speed.*lattice"
     ):
         problem(criteria=("duration", "length")).solve(planner)
-
-
-def test_a_drive_among_people_who_move_is_refused() -> None:
-    walking = WORLD.with_content(people=[hpop.Person(6, 5, 0, velocity=(0.5, 0.0))])
-    asked = problem(criteria=("duration", "length"))
-    drive = hpop.follow(asked, asked.solve({"lattice": {"step": 1.0}}), 0)
-    with pytest.raises(QueryError, match="a drive among moving people drives at one speed"):
-        drive.world(1.0, people=walking.content.people)
 
 
 def trajectory(*rows: tuple[float, float, float], kinds: tuple[str, ...]) -> Trajectory:

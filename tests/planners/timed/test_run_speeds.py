@@ -28,9 +28,10 @@ ROBOT = GridRobot(MODEL, 0.4, 0.2, 2, 3, 5, 0)  # m, s, then ticks of a move at 
 
 @dataclass(frozen=True)
 class SpeedCase(Case):
-    """A query of a robot with two speeds."""
+    """A query of a robot with two speeds; it begins at rest, 0, or on a run with the speed of this number."""
 
     robot: GridRobot = ROBOT
+    begins: int = 0
 
     @property
     def stray(self) -> float:
@@ -74,8 +75,15 @@ class SpeedCase(Case):
                 for lasts in range(hold, self.ticks - tick):
                     yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], held=True)
 
-        for motions, ticks in onward(self.start, 0, [], held=False):
-            yield self.costs(motions, ticks), motions
+        column, row, heading = self.start
+        dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
+        for count in range(max(self.size) if self.begins else 1):
+            to = (column + count * dx, row + count * dy)
+            run = [*[("move", self.begins)] * count, *[("change", self.begins)] * (self.begins > 0)]
+            after = sum(self.lasts(*motion) for motion in run)
+            if after <= self.ticks and 0 <= to[0] < self.size[0] and 0 <= to[1] < self.size[1]:
+                for motions, ticks in onward((*to, heading), after, run, held=False):
+                    yield self.costs(motions, ticks), motions
 
 
 CASES = {
