@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from hpop import ros as ros
     from hpop import scenario as scenario
     from hpop import search as search
+    from hpop import simulation as simulation
     from hpop import study as study
     from hpop import testing as testing
     from hpop import view as view
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from hpop.problems.why import WhyNot as WhyNot
     from hpop.problems.why import why_not as why_not
     from hpop.runtime.status import Status as Status
+    from hpop.simulation.simulate import simulate as simulate
     from hpop.trajectories.trajectory import Trajectory as Trajectory
     from hpop.world import Person as Person
     from hpop.world import Track as Track

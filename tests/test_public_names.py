@@ -140,6 +140,16 @@ hpop.ros.trajectory_of
 hpop.ros.typed
 hpop.scenario.load_scenario
 hpop.retime
+hpop.simulate
+hpop.simulation.Command
+hpop.simulation.Crowd
+hpop.simulation.DriveLimits
+hpop.simulation.Pedestrians
+hpop.simulation.SimulatedBase
+hpop.simulation.Simulation
+hpop.simulation.TrackedPeople
+hpop.simulation.Tracker
+hpop.simulation.farthest_off
 hpop.search.Graph
 hpop.search.Prepared
 hpop.search.pareto_paths

@@ -12,19 +12,19 @@ from shapely.geometry import shape
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real
-from hpop.base.text import is_whole, shown
+from hpop.base.text import shown
 from hpop.drive.closings import Closing
 from hpop.drive.execution import Execution
 from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
 from hpop.drive.storage import NOTED, Change, read
 from hpop.drive.wishes import NOTICE, PATIENCE
-from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError, did_you_mean
+from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError
 from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
 from hpop.planners.needs import refuse_unsupported
-from hpop.problems.front import Front, Point, question_of
+from hpop.problems.front import Front, Point, chosen_point, question_of
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
 from hpop.problems.why import planner_of_point
@@ -279,32 +279,11 @@ def follow(
             "hpop.Problem.from_description(front.problem)"
         )
     preference = choice if isinstance(choice, Preferring) else None
-    point = _point(front, choice) if preference is None else front.select(preference=preference)
+    point = chosen_point(front, choice) if preference is None else front.select(preference=preference)
     made = _planner_of(point.provenance) if planner is None else make_planner(planner)
     refuse_unsupported(made, problem.model)
     options: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
     return Execution(problem, front.trajectories, point.item, made, **options)
-
-
-def _point(front: Front, choice: Any) -> Point:
-    """Return the chosen point of a front, given as the point, by its row or by its name; DriveError otherwise."""
-    if not len(front):
-        raise DriveError(f"a drive needs a front with points, but this one has none: {front.certificate:.400}")
-    if isinstance(choice, str):
-        named = front.named()
-        if choice not in named:
-            raise DriveError(
-                f"no point of the front is called {shown(choice)}.{did_you_mean(choice, named)} Known: "
-                f"{', '.join(named)}"
-            )
-        return named[choice]
-    if isinstance(choice, Point):
-        if not any(item is choice.item for item in front.items):
-            raise DriveError("the choice is a point of another front; give a point of this front, or its row")
-        return choice
-    if is_whole(choice) and -len(front) <= choice < len(front):
-        return front[int(choice)]
-    raise DriveError(f"the choice must be a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")
 
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:

@@ -15,7 +15,8 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, copied
 from hpop.base.registry import GROUPS, make_model
 from hpop.base.table import facts_html, picture_html, table_html
-from hpop.errors import ModelError
+from hpop.base.text import is_whole, shown
+from hpop.errors import DriveError, ModelError, did_you_mean
 from hpop.frontier import FrontError, FrontFileError, storage
 from hpop.frontier.choices import Preferring
 from hpop.frontier.points import as_json
@@ -306,3 +307,24 @@ def _changed(problem: Mapping[str, Any], world: Callable[[Any], Any], model: Cal
     """Return a problem's description after applying ``world`` to its world, and ``model`` to its model and criteria."""
     changes = {"world": world, "model": model, "criteria": model}
     return {key: changes[key](value) if key in changes else value for key, value in problem.items()}
+
+
+def chosen_point(front: Front, choice: Any) -> Point:
+    """Return the chosen point of a front, given as the point, by its row or by its name; DriveError otherwise."""
+    if not len(front):
+        raise DriveError(f"a drive needs a front with points, but this one has none: {front.certificate:.400}")
+    if isinstance(choice, str):
+        named = front.named()
+        if choice not in named:
+            raise DriveError(
+                f"no point of the front is called {shown(choice)}.{did_you_mean(choice, named)} Known: "
+                f"{', '.join(named)}"
+            )
+        return named[choice]
+    if isinstance(choice, Point):
+        if not any(item is choice.item for item in front.items):
+            raise DriveError("the choice is a point of another front; give a point of this front, or its row")
+        return choice
+    if is_whole(choice) and -len(front) <= choice < len(front):
+        return front[int(choice)]
+    raise DriveError(f"the choice must be a point of the front, or its row, 0 to {len(front) - 1}; got {shown(choice)}")

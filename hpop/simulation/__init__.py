@@ -2,6 +2,21 @@
 
 from __future__ import annotations
 
+from hpop.simulation.people import Crowd, Pedestrians, TrackedPeople, Walking
+from hpop.simulation.robot import SimulatedBase
+from hpop.simulation.simulate import Simulation, farthest_off, simulate
 from hpop.simulation.tracking import Command, DriveLimits, Tracker
 
-__all__ = ["Command", "DriveLimits", "Tracker"]
+__all__ = [
+    "Command",
+    "Crowd",
+    "DriveLimits",
+    "Pedestrians",
+    "SimulatedBase",
+    "Simulation",
+    "TrackedPeople",
+    "Tracker",
+    "Walking",
+    "farthest_off",
+    "simulate",
+]

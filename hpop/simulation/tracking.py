@@ -110,7 +110,7 @@ class Tracker:
         self._rows: list[list[float]] = rows.tolist()
         self._reserve = _spare(self.limits, times, *rows[:, 3:].T)
         self._clock, self._now = 0.0, math.nan
-        self._feed = self._last = Command(0.0, 0.0)
+        self.feed = self._last = Command(0.0, 0.0)  # of the reference; sent
         self._estimate: FloatArray | None = None  # pose when the next command takes effect
         self._history = deque[tuple[float, float, FloatArray]]()  # time of a command, clock and estimate for it
         self._stops = False
@@ -122,13 +122,13 @@ class Tracker:
         """
         step = 0.0 if math.isnan(self._now) else max(0.0, t - self._now)
         if step > LONGEST_STEP:
-            step, self._feed, self._last, self._estimate = LONGEST_STEP, Command(0.0, 0.0), Command(0.0, 0.0), None
+            step, self.feed, self._last, self._estimate = LONGEST_STEP, Command(0.0, 0.0), Command(0.0, 0.0), None
         self._now = t if math.isnan(self._now) else max(t, self._now)
         here = self._estimated(t, pose, step)
         ahead, aside, turned = self._errors(here)
         self._advance(t, step, ahead, turned)
         ahead, aside, turned = self._errors(here)
-        v, w = self._feed
+        v, w = self.feed
         if not self._stops:
             stands = v == 0.0 and w == 0.0
             near = stands and abs(ahead) < SLACK and abs(turned) < SLACK
@@ -171,7 +171,7 @@ class Tracker:
 
     def reference(self, t: float) -> tuple[float, float, float]:
         """Return the pose (x m, y m, yaw rad) of the plan at which the robot should be at ``t``."""
-        x, y, yaw, _, _ = self._at(self.clock(t))
+        x, y, yaw, _, _ = self.at(self.clock(t))
         return x, y, yaw
 
     def off(self, t: float, pose: tuple[float, float, float]) -> float:
@@ -186,7 +186,7 @@ class Tracker:
     def _advance(self, t: float, step: float, ahead: float, turned: float) -> None:
         """Move the reference's clock on, as fast as the errors and accelerations allow, and set its feed-forward."""
         until = t + self.delay
-        _, _, _, v, w = self._at(self._clock + step)
+        _, _, _, v, w = self.at(self._clock + step)
         behind = ahead if v > 0 else -ahead if v < 0 else abs(ahead)
         rate = min(1.0, 1.0 - (behind - SLACK) / SPAN, 1.0 - (abs(turned) - SLACK) / YAW_SPAN)
         rate = 0.0 if self._stops else max(rate, 0.0)
@@ -199,8 +199,8 @@ class Tracker:
             rate = self._reachable(rate, step)
             moved = rate * step
         self._clock = max(self._clock, min(self._clock + moved, until))
-        _, _, _, v, w = self._at(self._clock)
-        self._feed = Command(rate * v, rate * w)
+        _, _, _, v, w = self.at(self._clock)
+        self.feed = Command(rate * v, rate * w)
         if step and self._estimate is not None:
             self._history.append((t, self._clock, self._estimate))
             while len(self._history) > 1 and self._history[1][0] <= t - self.delay + 1e-9:
@@ -210,11 +210,11 @@ class Tracker:
         """Return the rate of the clock nearest to ``rate`` that the accelerations of the base allow."""
         reached = 1.0
         for _ in range(3):  # the plan's speed after the step depends on the rate
-            _, _, _, v, w = self._at(self._clock + reached * step)
+            _, _, _, v, w = self.at(self._clock + reached * step)
             slowest, fastest = 0.0, 1.0 + self._reserve
             for planned, now, most in (
-                (abs(v), abs(self._feed.v), self.limits.acceleration),
-                (abs(w), abs(self._feed.w), self.limits.turn_acceleration),
+                (abs(v), abs(self.feed.v), self.limits.acceleration),
+                (abs(w), abs(self.feed.w), self.limits.turn_acceleration),
             ):
                 if planned > TINY:
                     fastest = min(fastest, (now + most * step) / planned)
@@ -226,7 +226,7 @@ class Tracker:
         """Return the pose when the next command takes effect: dead reckoning, corrected by the measured pose."""
         if self._estimate is None:
             self._history.clear()
-            self._estimate = np.array(self._at(self._clock)[:3] if pose is None else pose, float)
+            self._estimate = np.array(self.at(self._clock)[:3] if pose is None else pose, float)
             return self._estimate
         x, y, yaw = self._estimate.tolist()
         v, w = self._last
@@ -244,11 +244,11 @@ class Tracker:
 
     def _errors(self, here: FloatArray) -> tuple[float, float, float]:
         """Return how far the reference is ahead, m, to the left, m, and turned to the left, rad, of a pose (3,)."""
-        x, y, yaw, _, _ = self._at(self._clock)
+        x, y, yaw, _, _ = self.at(self._clock)
         dx, dy, cos, sin = x - here[0], y - here[1], math.cos(here[2]), math.sin(here[2])
         return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(yaw - here[2], math.tau)
 
-    def _at(self, clock: float) -> tuple[float, float, float, float, float]:
+    def at(self, clock: float) -> tuple[float, float, float, float, float]:
         """Return x m, y m, yaw rad, speed m/s and turn rate rad/s of the reference at a time of the plan, s."""
         if clock >= self.duration:
             x, y, yaw, _, _ = self._rows[-1]

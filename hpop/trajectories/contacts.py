@@ -150,12 +150,14 @@ def _moments_of_leaving(
     for _, likely in person.hypotheses:
         x, y = (np.broadcast_to(column, times.shape)[:until] for column in likely.at(times))
         positions = np.stack([x, y], axis=1)
-        gap = _distance(parts, states.take(np.arange(until)), positions)
+        gap = distance_to_outline(parts, states.take(np.arange(until)), positions)
         if gap[0] >= person.radius - TOUCH and not (likely.spread or likely.growth):  # no contact as predicted
             return 0
         change = np.diff(gap)
         if first == 0:
-            change = np.maximum(_distance(parts, states.take(np.arange(1, until)), positions[:-1]) - gap[:-1], change)
+            change = np.maximum(
+                distance_to_outline(parts, states.take(np.arange(1, until)), positions[:-1]) - gap[:-1], change
+            )
         nearer = np.append(0.0, np.cumsum(change.clip(max=0.0)))
         shrinks = np.flatnonzero(nearer < -TOUCH)
         until = int(shrinks[0]) if shrinks.size else until
@@ -174,18 +176,20 @@ def _share_too_near(
     share = np.zeros(times.size)
     sure = near[deviation[near] == 0.0]
     least = person.radius + margin - TOUCH
-    share[sure] = _distance(parts, states.take(sure), np.stack([x[sure], y[sure]], axis=1)) < least
+    share[sure] = distance_to_outline(parts, states.take(sure), np.stack([x[sure], y[sure]], axis=1)) < least
     unsure = near[deviation[near] > 0.0]
     for begin in range(0, unsure.size, PLACED):
         some = unsure[begin : begin + PLACED]
         middle = np.stack([x[some], y[some]], axis=1)[:, None]
         positions = middle + deviation[some, None, None] * _normal_points()  # (n, POINTS, 2)
         here = states.take(np.repeat(some, POINTS))
-        share[some] = (_distance(parts, here, positions.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
+        share[some] = (
+            (distance_to_outline(parts, here, positions.reshape(-1, 2)) < least).reshape(-1, POINTS).mean(axis=1)
+        )
     return share
 
 
-def _distance(parts: Sequence[Any], states: States, positions: FloatArray) -> FloatArray:
+def distance_to_outline(parts: Sequence[Any], states: States, positions: FloatArray) -> FloatArray:
     """Return the distance (N,), m, of positions (N, 2), m, from the robot's outline in states (N,); 0 within it."""
     x, y = positions[:, 0] - states.x, positions[:, 1] - states.y
     cos, sin = np.cos(states.yaw), np.sin(states.yaw)
