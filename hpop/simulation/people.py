@@ -20,6 +20,7 @@ Walking = tuple[float, float, float, float]
 RADIUS = 0.25  # m, of a person
 STEP = 0.02  # s, of the crowd
 NEAR = 0.6  # m: who has come that near to a goal takes another one
+STANDS, GIVES_UP = 0.1, 3.0  # m/s, s: who is that slow for that long, as before the robot, takes another goal
 FROM_ROBOT = 1.5  # m, from the robot at which people of a crowd begin, at least
 HEAVY, SLOW = 1e9, 1e6  # kg, s: mass and reaction time of the robot in the crowd, which no person pushes away
 
@@ -44,7 +45,7 @@ class TrackedPeople:
     """People who walk as predicted or recorded (:class:`hpop.world.Person`); of several futures the likeliest.
 
     people  the people
-    keeps   m, between the centres of person and robot: nobody walks nearer to the robot, but waits there, and goes on
+    keeps   m, between the centres of person and robot: a person who would come nearer to the robot waits, and goes on
             later; 0 for people who walk on through the robot, as a recording does
     """
 
@@ -101,6 +102,7 @@ class Crowd:
         self._random = np.random.default_rng(whole("seed", seed, 0, 2**31, "a number"))
         self._floor = world.free_space().region
         self._simulation: Any = None
+        self._stuck = dict[int, float]()  # s, for which each person has stood
         self._now = 0.0
 
     def advance(self, t: float, robot_pose: tuple[float, float, float]) -> list[Walking]:
@@ -116,8 +118,10 @@ class Crowd:
             robot.model.velocity = ((robot_pose[0] - x) / left, (robot_pose[1] - y) / left)
             for person in self._people:
                 agent = simulation.agent(person)
-                if math.dist(agent.position, agent.target) < NEAR:
-                    agent.target = self._goal()
+                stands = math.hypot(*agent.model.velocity) < STANDS
+                self._stuck[person] = self._stuck.get(person, 0.0) + STEP if stands else 0.0
+                if math.dist(agent.position, agent.target) < NEAR or self._stuck[person] > GIVES_UP:
+                    agent.target, self._stuck[person] = self._goal(), 0.0
             simulation.iterate()
         agents = [simulation.agent(person) for person in self._people]
         return [(*agent.position, *agent.model.velocity) for agent in agents]

@@ -158,8 +158,9 @@ class Tracker:
 
     @property
     def late(self) -> float:
-        """Time, s, by which the robot is behind its plan."""
-        return 0.0 if math.isnan(self._now) else max(0.0, min(self._now, self.duration) - self.clock(self._now))
+        """Time, s, by which the robot is behind its plan; 0 once it is at the end."""
+        clock = 0.0 if math.isnan(self._now) else self.clock(self._now)
+        return 0.0 if math.isnan(self._now) or clock >= self.duration else max(0.0, self._now - clock)
 
     def clock(self, t: float) -> float:
         """Return the time of the plan, s, at whose pose the robot should be at ``t``, among the last commands."""
