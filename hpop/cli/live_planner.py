@@ -18,7 +18,7 @@ from hpop.errors import HpopError
 from hpop.live.planner import LivePlanner
 from hpop.scenario import load_scenario
 
-KINDS = ("destination", "options", "take", "push", "wish", "why", "close", "open", "people", "arrived")
+KINDS = ("destination", "options", "take", "push", "wish", "why", "close", "open", "people", "arrived", "restore")
 """Requests: methods of :class:`hpop.live.planner.LivePlanner`."""
 
 

@@ -18,6 +18,7 @@ from hpop.planners.base import Candidates
 from hpop.problems import solving
 from hpop.problems.evaluation import claimable
 from hpop.problems.front import Front, Point
+from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -110,12 +111,13 @@ class _CostedPlans:
 
     def whole(self, criteria: Sequence[Criterion], past: Past) -> _CostedPlans:
         """Return the plans with worst moments and means over the whole drive; ``past`` has the costs so far."""
-        values = self.values.copy()
+        if not self.trajectories:
+            return self
+        values, durations = self.values.copy(), MotionTable.of(self.trajectories).durations
         for j, criterion in enumerate(criteria):
             if criterion.aggregate == "max":
                 values[:, j] = np.maximum(values[:, j], past.totals[criterion.name])
             elif criterion.aggregate == "time-mean":
-                durations = np.array([trajectory.duration for trajectory in self.trajectories])
                 total = past.duration + durations
                 integral = past.totals[criterion.name] + values[:, j] * durations
                 values[:, j] = np.divide(integral, total, out=np.zeros(total.size), where=total > 0.0)

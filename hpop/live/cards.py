@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,8 +14,10 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.base.text import printable
 from hpop.drive.options import perceived_motions
+from hpop.drive.plan import part
 from hpop.frontier.choices import Preferring
 from hpop.problems.front import Front
+from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 
 AHEAD = 3.0
@@ -31,7 +35,8 @@ PLAIN = ("duration", "length", "turns")
 MOST_PHRASES = 2
 
 
-class Ways(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Ways:
     """Trajectories to choose from, and their front; the present plan may be the last one, after the front's points.
 
     trajectories  (n,)
@@ -45,10 +50,15 @@ class Ways(NamedTuple):
     front: Front
     present: int | None = None
 
+    @cached_property
+    def table(self) -> MotionTable:
+        """The distinct motions of the trajectories."""
+        return MotionTable.of(self.trajectories)
+
     @property
     def durations(self) -> FloatArray:
         """Planned durations (n,), s."""
-        return np.array([trajectory.duration for trajectory in self.trajectories])
+        return self.table.durations
 
 
 def line_of(trajectory: Trajectory) -> list[list[float]]:
@@ -183,9 +193,23 @@ def push_gap(trajectory: Trajectory, heading: float) -> tuple[float, float]:
     return round(gap, 9), -round(float(gained), 9)
 
 
+def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
+    """Return the gap of each way to a push; ways that begin with the same motions are compared once."""
+    table, gaps, known = ways.table, list[tuple[float, float]](), dict[tuple[int, ...], tuple[float, float]]()
+    begins = (np.cumsum(table.counts) - table.counts).tolist()
+    for trajectory, begin, count in zip(ways.trajectories, begins, table.counts.tolist(), strict=True):
+        motions = table.motions[begin : begin + count]
+        many = int(np.searchsorted(np.cumsum(table.lasts[motions]), AHEAD + SAMPLED)) + 1
+        key = tuple(motions[:many].tolist())
+        if key not in known:
+            known[key] = push_gap(part(trajectory, 0, min(many, count)), heading)
+        gaps.append(known[key])
+    return gaps
+
+
 def nearest_to_push(ways: Ways, heading: float) -> Pushed:
     """Return the way that lies nearest to a push with a ``heading``, rad, in the world."""
-    gaps = [push_gap(trajectory, heading) for trajectory in ways.trajectories]
+    gaps = push_gaps(ways, heading)
     row = min(range(len(gaps)), key=gaps.__getitem__)
     if ways.present is None:
         return Pushed(row, True, gaps[row][0])

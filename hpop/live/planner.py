@@ -23,12 +23,11 @@ from hpop.drive.plan import joined
 from hpop.drive.script import follow
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import DriveError, HpopError, QueryError
-from hpop.goals import Tour
 from hpop.live.cards import Ways, cards, described, first_turn, line_of, nearest_to_push
+from hpop.live.places import Destination, destination_of
 from hpop.models.execution import Ramps
-from hpop.motions import States
-from hpop.planners.needs import nearest_free
 from hpop.problems.problem import Planning, Problem
+from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
 from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
@@ -41,12 +40,6 @@ LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
 LEAD_AMONG_PEOPLE = 3.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
-FARTHEST = 5.0
-"""Distance, m, from a blocked place to the nearest free one, above which the place counts as blocked."""
-SIGHT = (0.8, 2.5)
-"""Distances, m, from which a landmark is looked at."""
-WITHIN = 0.75
-"""Distance, m, from a point at which a stop of a tour counts as visited."""
 LIKE = 0.6
 """Largest mean distance, m, between a way that was chosen too late and the one that is taken in its place."""
 STANDS = 0.05
@@ -113,7 +106,7 @@ class LivePlanner:
         self.brakes = 0.0 if ramps is None else ramps.half
         self.drive: Execution | None = None
         self.prefix: Trajectory | None = None  # what was driven before the present drive, without a stop between
-        self.goal: Mapping[str, Any] | None = None
+        self.goal: Destination | None = None
         self.offer: Offer | None = None
 
     def prepare(self) -> None:
@@ -131,79 +124,11 @@ class LivePlanner:
     def destination(self, now: float, pose: Pose, goal: Mapping[str, Any]) -> Iterator[Message]:
         """Check a destination: a point, a landmark or the stops of a tour; then offer the ways to it."""
         self._see(now, pose)
-        try:
-            place, target, tour = self._target(goal)
-        except HpopError as error:
-            yield {"type": "place", **_spot(goal), "status": "blocked", "words": printable(str(error)), "goal": None}
-            return
-        yield place
-        if target is None:
-            return
-        self.goal = {"target": target, "tour": tour, "place": place}
-        yield from self._offer_goal(now, pose)
-
-    def _target(self, goal: Mapping[str, Any]) -> tuple[Message, Any, Tour | None]:
-        """Return the message "place" of a destination, the goal of the problem (None if blocked), and its tour."""
-        if "stops" in goal:
-            *stops, last = goal["stops"]
-            place, target, _ = self._target(last)
-            specs = [self._stop(stop) for stop in stops]
-            tour = Tour.of({"stops": specs}) if specs else None
-            return {**place, "stops": len(stops) + 1}, target, tour
-        if "landmark" in goal:
-            mark = next((m for m in self.template.world.content.landmarks if m.name == goal["landmark"]), None)
-            if mark is None:
-                raise QueryError(f"the map has no landmark called {goal['landmark']!r}; choose one of the map")
-            spot = {"x": mark.x, "y": mark.y}
-            target = {"look_at": {"target": [mark.x, mark.y, mark.z], "distance": list(SIGHT)}}
-            words = f"to see {printable(mark.name)}"
-            return self._place(spot, "reachable", words, (mark.x, mark.y)), target, None
-        x, y = float(goal["x"]), float(goal["y"])
-        model, world = self.template.model, self.surroundings.problem.world
-        tried = _spun(model, x, y)
-        if model.collision(world).states_free(tried).any():
-            return self._place(goal, "reachable", "reachable", (x, y)), self._state(x, y), None
-        reason = self._in_the_way(x, y)
-        free = nearest_free(model, world, States(**{n: np.full(1, np.nan) for n in model.space.names} | _at(x, y)))
-        if free is None or math.hypot(float(free.x[0]) - x, float(free.y[0]) - y) > FARTHEST:
-            return self._place(goal, "blocked", f"blocked by {reason}", None), None, None
-        near = (float(free.x[0]), float(free.y[0]))
-        away = math.hypot(near[0] - x, near[1] - y)
-        words = f"blocked by {reason}; the nearest free place is {away:.1f} m away"
-        return self._place(goal, "nearest", words, near), self._state(*near), None
-
-    def _place(self, spot: Mapping[str, Any], status: str, words: str, goal: tuple[float, float] | None) -> Message:
-        at = None if goal is None else {"x": goal[0], "y": goal[1], "theta": None}
-        return {"type": "place", **_spot(spot), "status": status, "words": words, "goal": at}
-
-    def _state(self, x: float, y: float) -> tuple[float | None, ...]:
-        """Return a goal state at a point, with any heading; other variables as at the start."""
-        names = self.template.model.space.names
-        fixed = dict(zip(names, self.template.start, strict=True))
-        return tuple({"x": x, "y": y, "yaw": None}.get(name, fixed[name]) for name in names)
-
-    def _stop(self, stop: Mapping[str, Any]) -> dict[str, Any]:
-        """Return a stop of a tour, a point or a landmark, as a parameter of :class:`hpop.Tour`."""
-        if "landmark" in stop:
-            return {"landmark": stop["landmark"]}
-        place, target, _ = self._target(stop)
-        if target is None:
-            raise QueryError(f"a stop cannot be reached: {place['words']}")
-        return {"at": [place["goal"]["x"], place["goal"]["y"]], "within": WITHIN}
-
-    def _in_the_way(self, x: float, y: float) -> str:
-        """Return what blocks a place, in words."""
-        world, point = self.surroundings.problem.world, shapely.Point(x, y)
-        if not world.extent.covers(point):
-            return "the border of the map"
-        reach = max((float(part.reach) for part in self.template.model.platform), default=0.0)
-        for closing in self.surroundings.closed:
-            if closing.area.distance(point) <= reach:
-                return printable(closing.person or closing.name) or "a closed area"
-        near = sorted((o.polygon.distance(point), o.name) for o in world.obstacles)
-        if near and near[0][0] <= reach:
-            return printable(near[0][1]) or "a wall"
-        return "a wall" if world.raster is not None else "something"
+        found = destination_of(goal, self.surroundings.problem, self.surroundings.closed)
+        yield found.place
+        if found.target is not None:
+            self.goal = found
+            yield from self._offer_goal(now, pose)
 
     def _offer_goal(self, now: float, pose: Pose) -> Iterator[Message]:
         """Offer the ways to the present destination, from where the robot may change its plan."""
@@ -213,19 +138,16 @@ class LivePlanner:
         if self.drive is not None:
             commit = self.drive.commit(now, LEAD + self.brakes)
             before, state, time = self._whole(commit.before), commit.state, commit.time
-        place = self.goal["place"]
+        goal, words, front = self.goal, "", None
         try:
-            asked = self.surroundings.at(state, time)
-            problem = replace(asked, goal=self.goal["target"], tour=self.goal["tour"])
+            problem = replace(self.surroundings.at(state, time), goal=goal.target, tour=goal.tour)
             front = self.planning.front(problem)
         except HpopError as error:
+            words = str(error)
+        if front is None or not len(front):
             self.goal = self.offer = None
-            yield {**place, "status": "blocked", "words": printable(str(error)), "goal": None}
-            return
-        if not len(front):
-            self.goal = self.offer = None
-            words = printable(no_path_note(front.notes) or f"blocked: {front.status}")
-            yield {**place, "status": "blocked", "words": words, "goal": None}
+            words = words or (no_path_note(front.notes) or front.status if front is not None else "")
+            yield {**goal.place, "status": "blocked", "words": printable(words), "goal": None}
             return
         ways = Ways(front.trajectories, front.costs, front)
         at = (float(state.x[0]), float(state.y[0]))
@@ -371,8 +293,24 @@ class LivePlanner:
             yield offer.message(now, self.preference)
 
     def why(self, now: float, pose: Pose, through: Mapping[str, Any]) -> Iterator[Message]:
-        """Explain why the way does not lead through a place."""
-        yield {"type": "why", "sentence": "not yet", "exact": False, "costs": {}, "line": []}
+        """Explain why no way leads through a place: a point, or a zone or an obstacle by its name."""
+        self._see(now, pose)
+        offer = self.offer
+        if offer is None or not offer.ways.trajectories:
+            yield {"type": "refused", "words": "there are no ways to explain; choose a destination first"}
+            return
+        region = through.get("region") or (through["x"], through["y"])
+        problem, front = offer.problem, offer.ways.front
+        if problem is None:
+            assert self.drive is not None
+            assert offer.options is not None
+            problem = self.drive.surroundings.at(offer.options.commit.state, offer.time)
+            problem = replace(problem, tour=offer.options.commit.tour)
+            front = self.planning.front(problem)
+        found = why_not(problem, front, region, planner=self.planning.planner)
+        line = [] if found.best is None else line_of(found.best.trajectory)
+        sentence = printable(found.sentence)
+        yield {"type": "why", "sentence": sentence, "exact": found.exact, "costs": found.numbers, "line": line}
 
     # Changes of the world
 
@@ -383,6 +321,14 @@ class LivePlanner:
     def open(self, now: float, pose: Pose, area: Any) -> Iterator[Message]:
         """Open a closed area, given by name."""
         yield from self._change(now, pose, "open", area, "")
+
+    def restore(self, now: float, pose: Pose, closed: Mapping[str, Any]) -> Iterator[Message]:
+        """Close and open areas until exactly the named ones are closed, as before a crash."""
+        names = {closing.name for closing in self.surroundings.closings if closing.name}
+        for name in names - closed.keys():
+            yield from self._change(now, pose, "open", name, "")
+        for name in closed.keys() - names:
+            yield from self._change(now, pose, "close", closed[name], name)
 
     def people(self, now: float, pose: Pose, people: Sequence[Sequence[float]]) -> Iterator[Message]:
         """Replace the people by those who are seen: x, y, m, and their velocities, m/s."""
@@ -410,6 +356,8 @@ class LivePlanner:
             return
         if what != "people":
             self.planning = self.planning.updated(self.surroundings.problem.world)
+            closings = {c.name: shapely.get_coordinates(c.area).tolist() for c in self.surroundings.closings if c.name}
+            yield {"type": "changed", "closed": closings}
         if change is None:
             if self.offer is not None or self.goal is not None:
                 yield from self.options(now, pose)
@@ -468,23 +416,6 @@ def _plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives
     """Return a plan for the robot; ``elapsed`` is the time of the plan, s, at the time ``now`` of the session."""
     told = {"now": now, "elapsed": elapsed, "arrives": arrives}
     return {"type": "plan", **told, "trajectory": trajectory.describe(), "line": line_of(trajectory)}
-
-
-def _spot(goal: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the coordinates of a destination as the page gave them; None for one without."""
-    return {"x": goal.get("x"), "y": goal.get("y")}
-
-
-def _at(x: float, y: float) -> dict[str, FloatArray]:
-    return {"x": np.full(1, x), "y": np.full(1, y)}
-
-
-def _spun(model: Any, x: float, y: float) -> States:
-    """Return states at a point with eight headings; other variables are 0."""
-    count = 8
-    columns = {name: np.zeros(count) for name in model.space.names}
-    columns |= {"x": np.full(count, x), "y": np.full(count, y), "yaw": np.arange(count) * 2 * np.pi / count}
-    return States(**columns)
 
 
 def _apart(chosen: Trajectory, other: Trajectory) -> float:

@@ -16,6 +16,11 @@ PAUSES = (0.1, 0.5, 2.0, 10.0)
 """Times, s, before the first and further restarts after crashes in a row."""
 STEADY = 60.0
 """Time, s, after which a crash counts as the first again."""
+KEPT = ("close", "open")
+"""Requests of which each is sent."""
+MOST_WAITING = 64
+"""Requests that may wait."""
+
 Handler = Callable[[dict[str, Any]], None]
 
 
@@ -35,7 +40,7 @@ class PlannerProcess:
         self._process: asyncio.subprocess.Process | None = None
         self._number = 0
         self._running = 0  # number of the request that is being answered; 0 for none
-        self._waiting: dict[str, dict[str, Any]] = {}  # newest request of each kind
+        self._waiting: list[tuple[str, dict[str, Any]]] = []
 
     @property
     def is_busy(self) -> bool:
@@ -43,9 +48,15 @@ class PlannerProcess:
         return bool(self._running or self._waiting)
 
     def ask(self, kind: str, **values: Any) -> None:
-        """Send a request once those before it are answered; one of the same kind that still waits is replaced."""
-        self._waiting.pop(kind, None)
-        self._waiting[kind] = values
+        """Send a request once those before it are answered; an older one of its kind that still waits is dropped.
+
+        Values that are functions are called as the request is sent. Changes of areas are not dropped, unless
+        `MOST_WAITING` wait.
+        """
+        if kind not in KEPT:
+            self._waiting = [waiting for waiting in self._waiting if waiting[0] != kind]
+        if len(self._waiting) < MOST_WAITING:
+            self._waiting.append((kind, values))
         self._next()
 
     def _next(self) -> None:
@@ -53,10 +64,11 @@ class PlannerProcess:
         process = self._process
         if self._running or not self._waiting or not self.is_ready or process is None or process.stdin is None:
             return
-        kind = "push" if "push" in self._waiting else next(iter(self._waiting))
+        urgent = next((i for i, (kind, _) in enumerate(self._waiting) if kind == "push"), 0)
+        kind, given = self._waiting.pop(urgent)
         self._number += 1
         self._running = self._number
-        values = {name: value() if callable(value) else value for name, value in self._waiting.pop(kind).items()}
+        values = {name: value() if callable(value) else value for name, value in given.items()}
         with suppress(OSError, RuntimeError):  # it is about to be seen that the process has ended
             process.stdin.write(json.dumps({"id": self._number, "kind": kind, **values}).encode() + b"\n")
 

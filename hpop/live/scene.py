@@ -55,7 +55,10 @@ def scene_of(problem: Problem, title: str) -> dict[str, Any]:
 
 def outline_of(model: Model) -> list[list[float]]:
     """Return the corners of the robot's outline, m, in the frame of its base."""
-    parts = [shapely.buffer(shapely.MultiPoint(p.swept.corners).convex_hull, p.radius, ROUND) for p in model.platform]
+    parts = [
+        shapely.buffer(shapely.MultiPoint(p.swept.corners).convex_hull, p.radius, quad_segs=ROUND)
+        for p in model.platform
+    ]
     hull = shapely.convex_hull(shapely.union_all(parts))
     corners: list[list[float]] = np.round(shapely.get_coordinates(hull)[:-1], 3).tolist()
     return corners

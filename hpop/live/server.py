@@ -17,7 +17,8 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hpop.live.session import LiveSession, Viewer
+from hpop.live.session import LiveSession
+from hpop.live.viewer import Viewer
 from hpop.runtime.page_server import LOCAL, PageServer, same
 from hpop.view.single_page import bundle, single_page
 

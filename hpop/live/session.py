@@ -7,16 +7,15 @@ stops it, if a person is in its way, and while the planner is started again.
 from __future__ import annotations
 
 import asyncio
-import json
 import math
-from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from hpop.live.messages import WATCHING, checked
+from hpop.live.messages import WATCHING
 from hpop.live.process import PlannerProcess
 from hpop.live.record import Record, utc
 from hpop.live.robot import PlayedRobot
+from hpop.live.viewer import Audience, Viewer
 from hpop.models.execution import clearance_radius
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
@@ -37,63 +36,11 @@ RENEWED = 1.0
 """Least time, s, between offers of new ways while the robot drives."""
 BEFORE_PEOPLE = 0.3
 """Distance, m, that the robot keeps from people when it brakes before them."""
-MOST_WAITING = 256
-"""Messages that may wait for a viewer; one who reads more slowly is sent away."""
-MOST_MESSAGES, BURST = 60.0, 120.0
-"""Messages a second that a viewer may send, and at once."""
-MOST_VIEWERS = 32
-MOST_REFUSALS = 3.0
-"""Refusals a second that a viewer is sent."""
-KEPT = ("place", "options", "taken")
-"""Types of messages of which a viewer who comes later is sent the newest."""
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
 
 
-class Viewer:
-    """A page that is connected: its outgoing messages, and its bounds.
-
-    may_drive   whether its token lets it drive
-    wants       whether it asked to drive
-    greeted     whether it has said hello
-    alive       time of its last sign, s
-    gone        why it is sent away; "" while it is not
-    """
-
-    def __init__(self, number: int, *, may_drive: bool, now: float) -> None:
-        self.number, self.may_drive, self.wants, self.greeted = number, may_drive, False, False
-        self.alive, self.gone = -math.inf, ""
-        self.waiting: deque[str] = deque()
-        self.state = ""
-        self.wakes = asyncio.Event()
-        self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, now
-
-    def send(self, message: Mapping[str, Any]) -> None:
-        """Queue a message; a newer state replaces one that still waits."""
-        text = json.dumps(message, allow_nan=False, separators=(",", ":"))
-        if message["type"] == "state":
-            self.state = text
-        elif len(self.waiting) < MOST_WAITING:
-            self.waiting.append(text)
-        else:
-            self.gone = "reads too slowly"
-        self.wakes.set()
-
-    def counts(self, now: float) -> bool:
-        """Count a message that came; return whether it is within the bounds."""
-        passed, self._counted = now - self._counted, now
-        self._budget = min(BURST, self._budget + passed * MOST_MESSAGES) - 1.0
-        self._refusals = min(MOST_REFUSALS, self._refusals + passed * MOST_REFUSALS)
-        return self._budget >= 0.0
-
-    def refuse(self, words: str) -> None:
-        """Say why a message was refused, unless this was said too often."""
-        if self._refusals >= 1.0:
-            self._refusals -= 1.0
-            self.send({"type": "refused", "words": words})
-
-
-class LiveSession:
+class LiveSession(Audience):
     """One session: a robot, its planner, its people and its viewers.
 
     problem   of the scenario: map, robot, start and people
@@ -109,37 +56,30 @@ class LiveSession:
         record: Record,
         planner: Callable[[Callable[[dict[str, Any]], None]], PlannerProcess],
     ) -> None:
-        self.problem, self.scene, self.record = problem, dict(scene), record
+        super().__init__(scene)
+        self.problem, self.record = problem, record
         self.planner = planner(self._planned)
         values = dict(zip(problem.model.space.names, problem.start, strict=True))
         self.robot = PlayedRobot(problem.model, (values["x"], values["y"], values["yaw"]))
         self.reach = clearance_radius(problem.model, 0.0)
-        self.viewers: list[Viewer] = []
         self.driver: Viewer | None = None
         self.people: list[tuple[float, float, float, float]] = []
         self.settings = dict(SETTINGS)
         self.stopped = False
         self.braked = ""  # why the robot brakes
-        self._newest: dict[str, dict[str, Any]] = {}
         self._plan: int | None = None  # number of the present plan among the ways
         self._goal: dict[str, Any] | None = None
-        self._closed: dict[str, dict[str, Any]] = {}
+        self._closed: dict[str, Any] | None = None  # corners of closed areas by name; None before any change
+        self._areas = 0
         self._pushed_at = 0.0
-        self._numbers = 0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0}
         self._has_arrived, self._announced = True, 0
-        self._began = 0.0
 
     # Time
 
-    @property
-    def now(self) -> float:
-        """Time of the session, s."""
-        return asyncio.get_running_loop().time() - self._began
-
     async def run(self) -> None:
         """Keep the robot and the planner running until this task is cancelled."""
-        self._began = asyncio.get_running_loop().time()
+        self.begin()
         planner = asyncio.create_task(self.planner.run())
         try:
             while not planner.done():
@@ -204,18 +144,9 @@ class LiveSession:
 
     # Viewers
 
-    def join(self, *, may_drive: bool) -> Viewer | None:
-        """Return a new viewer; None if there are too many."""
-        if len(self.viewers) >= MOST_VIEWERS:
-            return None
-        self._numbers += 1
-        viewer = Viewer(self._numbers, may_drive=may_drive, now=self.now)
-        self.viewers.append(viewer)
-        return viewer
-
     def leave(self, viewer: Viewer) -> None:
         """Forget a viewer who has gone; another one may then drive."""
-        self.viewers.remove(viewer)
+        super().leave(viewer)
         self._log("left", viewer, {"why": viewer.gone})
         if viewer is self.driver:
             self.driver = None
@@ -229,78 +160,43 @@ class LiveSession:
         if (following := next(able, None)) is None:
             return
         before, self.driver = self.driver, following
-        if not self.robot.stands or before is not None:
-            self.stopped = True
+        self.stopped = not self._has_arrived  # the new driver lets it drive on
         self._log("drives", following, {})
         for viewer in (before, following):
-            if viewer is not None:
-                viewer.send(self._scene_for(viewer))
+            if viewer is not None and viewer.seen:
+                viewer.send(self.scene_for(viewer))
 
-    def _scene_for(self, viewer: Viewer) -> dict[str, Any]:
+    def scene_for(self, viewer: Viewer) -> dict[str, Any]:
+        """Return the message "scene" for a viewer, with the role, the settings and what is closed."""
         role = "drive" if viewer is self.driver else "watch"
-        return {**self.scene, "role": role, "settings": self.settings, "closed": list(self._closed)}
+        return {**self.scene, "role": role, "settings": self.settings, "closed": list(self._closed or ())}
 
     def tell(self, message: Mapping[str, Any]) -> None:
         """Send a message to all viewers, and record it."""
-        if message["type"] in KEPT:
-            self._newest[message["type"]] = dict(message)
         self.record.add(self.now, "told", {"message": message})
-        for viewer in self.viewers:
-            if viewer.greeted:
-                viewer.send(message)
-
-    def note(self, words: str) -> None:
-        """Send a note to all viewers."""
-        self.tell({"type": "note", "words": words})
+        super().tell(message)
 
     def _log(self, event: str, viewer: Viewer, values: Mapping[str, Any]) -> None:
         self.record.add(self.now, event, {"viewer": viewer.number, **values})
 
     # What viewers say
 
-    def receive(self, viewer: Viewer, text: str) -> None:
-        """Handle a message of a viewer."""
-        now = self.now
-        if not viewer.counts(now):
-            viewer.gone = "sends too many messages"
-            viewer.wakes.set()
-            return
-        try:
-            kind, values = checked(json.loads(text))
-        except RecursionError:
-            viewer.refuse("expected JSON that is not nested")
-            return
-        except ValueError as error:
-            viewer.refuse("expected JSON" if isinstance(error, json.JSONDecodeError) else str(error))
-            return
-        if kind == "alive":
-            viewer.alive = now
-            return
-        if kind == "hello":
-            self._hello(viewer, values["role"] == "drive", now)
-            return
-        if not viewer.greeted:
-            viewer.refuse("say hello first")
-            return
+    def greet(self, viewer: Viewer) -> None:
+        """Welcome a viewer, who may become the driver."""
+        self._log("hello", viewer, {"drive": viewer.wants, "may_drive": viewer.may_drive})
+        self._choose_driver(self.now)
+        super().greet(viewer)
+        if not self.planner.is_ready:
+            viewer.send({"type": "note", "words": "the map is being prepared; this takes some seconds"})
+
+    def act(self, viewer: Viewer, kind: str, values: dict[str, Any]) -> None:
+        """Do what a viewer asks for, if it is the one who drives."""
         if viewer is not self.driver and kind not in WATCHING:
             viewer.refuse("another viewer drives; this page watches")
             return
         self._log(kind, viewer, values)
         if kind != "head":
-            self._act(kind, values, now)
-
-    def _hello(self, viewer: Viewer, wants: bool, now: float) -> None:
-        """Welcome a viewer: send the scene, and what was told last."""
-        self._log("hello", viewer, {"drive": wants, "may_drive": viewer.may_drive})
-        viewer.greeted, viewer.wants, viewer.alive = True, wants, now
-        self._choose_driver(now)
-        if viewer is not self.driver:
-            viewer.send(self._scene_for(viewer))
-        for kind in KEPT:
-            if kind in self._newest:
-                viewer.send(self._newest[kind])
-        if not self.planner.is_ready:
-            viewer.send({"type": "note", "words": "the map is being prepared; this takes some seconds"})
+            self._act(kind, values, self.now)
 
     def _act(self, kind: str, values: dict[str, Any], now: float) -> None:
         """Do what the driver asks for."""
@@ -326,12 +222,12 @@ class LiveSession:
             case "why":
                 self._ask("why", through=values)
             case "close":
-                area = values.get("corners", values.get("name"))
-                name = values.get("name", f"closed area {len(self._closed) + 1}")
-                self._closed[name] = {"area": area, "name": name if "corners" in values else ""}
-                self._ask("close", **self._closed[name])
+                area, name = values.get("corners", values.get("name")), values.get("name", "")
+                if "corners" in values and not name:
+                    self._areas += 1
+                    name = f"area {self._areas}"
+                self._ask("close", area=area, name=name)
             case "open":
-                self._closed.pop(values["name"], None)
                 self._ask("open", area=values["name"])
 
     def _ask(self, kind: str, **values: Any) -> None:
@@ -357,6 +253,9 @@ class LiveSession:
                 self.tell(message)
             case "pushed":
                 self.tell({**message, "milliseconds": round(1000.0 * (self.now - self._pushed_at), 1)})
+            case "changed":
+                self._closed = message["closed"]
+                self.tell({"type": "closed", "names": list(message["closed"])})
             case "taken":
                 if message["option"] is not None:
                     self._plan = message["option"]
@@ -375,14 +274,14 @@ class LiveSession:
     def _ready(self) -> None:
         """Tell a planner that has just started what is closed and where to go."""
         self.note("the map is prepared")
-        for closing in self._closed.values():
-            self._ask("close", **closing)
+        if self._closed is not None:
+            self._ask("restore", closed=self._closed)
         if self._goal is not None:
             self._ask("destination", goal=self._goal)
 
     def _renew(self, now: float) -> None:
         """Ask for new ways once the robot comes to the place where the last ones begin."""
-        offer = self._newest.get("options")
+        offer = self.newest.get("options")
         if offer is None or now < self._next["ways"] or self.planner.is_busy or self._has_arrived:
             return
         if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking:

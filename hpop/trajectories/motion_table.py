@@ -117,6 +117,21 @@ class MotionTable:
         """Mask (M,) of motions that need more state variables than the model has, as holds and curves do."""
         return np.array([bool(extras(self.model, (name,))) for name in self.laws], dtype=bool)[self.law]
 
+    @cached_property
+    def lasts(self) -> FloatArray:
+        """Duration (M,) of each distinct motion, s."""
+        lasts = np.zeros(len(self))
+        for index, law, start, end in self.by_law():
+            lasts[index] = sum(phase.duration for phase in law.phases(start, end))
+        return lasts
+
+    @cached_property
+    def durations(self) -> FloatArray:
+        """Duration (n,) of each trajectory, s; equal to :attr:`.Trajectory.duration`, added in time order."""
+        begins = np.cumsum(self.counts) - self.counts
+        each = np.split(self.lasts[self.motions], begins[1:])
+        return np.array([np.cumsum(lasts)[-1] if lasts.size else 0.0 for lasts in each])
+
     def having(self, motions: BoolArray) -> BoolArray:
         """Return which trajectories (n,) contain any of the motions marked in a mask (M,)."""
         return np.bincount(self.owner[motions[self.motions]], minlength=self.counts.size) > 0

@@ -1,0 +1,121 @@
+"""Destinations of a live session: where the robot can stand, what is in the way, and the goals that follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import shapely
+
+from hpop.base.text import printable
+from hpop.drive.closings import Closing, reach_of
+from hpop.errors import HpopError, QueryError
+from hpop.goals import Tour
+from hpop.motions import States
+from hpop.planners.needs import nearest_free
+from hpop.problems.problem import Problem
+
+FARTHEST = 5.0
+"""Distance, m, from a blocked place to the nearest free one, above which the place counts as blocked."""
+SIGHT = (0.8, 2.5)
+"""Distances, m, from which a landmark is looked at."""
+WITHIN = 0.75
+"""Distance, m, from a point at which a stop of a tour counts as visited."""
+HEADINGS = 8
+"""Headings that are tried at a place."""
+
+
+class Destination(NamedTuple):
+    """A destination as checked.
+
+    place   the message "place" for the page
+    target  goal of the problem; None if it is blocked
+    tour    stops on the way; None without any
+    """
+
+    place: dict[str, Any]
+    target: Any
+    tour: Tour | None = None
+
+
+def destination_of(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> Destination:
+    """Check a destination: {x, y}, {landmark}, or {stops} with several of these; the last stop is the goal.
+
+    problem  gives the present world, and the state variables other than x, y and yaw
+    closed   closed areas, which are named if they are in the way
+    """
+    try:
+        *stops, last = goal.get("stops", [goal])
+        found = _single(last, problem, closed)
+        if stops and found.target is not None:
+            found = found._replace(tour=Tour.of({"stops": [_stop(stop, problem, closed) for stop in stops]}))
+    except HpopError as error:
+        return Destination(_place(goal, "blocked", printable(str(error)), None), None)
+    return found
+
+
+def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> Destination:
+    """Check a destination without stops."""
+    model, world = problem.model, problem.world
+    if "landmark" in goal:
+        mark = next((m for m in world.content.landmarks if m.name == goal["landmark"]), None)
+        if mark is None:
+            raise QueryError(f"the map has no landmark called {goal['landmark']!r}; choose one of the map")
+        target = {"look_at": {"target": [mark.x, mark.y, mark.z], "distance": list(SIGHT)}}
+        spot = {"x": mark.x, "y": mark.y}
+        return Destination(_place(spot, "reachable", f"to see {printable(mark.name)}", (mark.x, mark.y)), target)
+    x, y = float(goal["x"]), float(goal["y"])
+    if model.collision(world).states_free(_states(problem, x, y, HEADINGS)).any():
+        return Destination(_place(goal, "reachable", "reachable", (x, y)), _state(problem, x, y))
+    reason = ", ".join(_in_the_way(x, y, problem, closed))
+    free = nearest_free(model, world, _states(problem, x, y, 0))
+    near = None if free is None else (float(free.x[0]), float(free.y[0]))
+    if near is None or (away := math.dist(near, (x, y))) > FARTHEST:
+        return Destination(_place(goal, "blocked", f"blocked by {reason}", None), None)
+    words = f"blocked by {reason}; the nearest free place is {away:.1f} m away"
+    return Destination(_place(goal, "nearest", words, near), _state(problem, *near))
+
+
+def _stop(stop: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> dict[str, Any]:
+    """Return a stop of a tour, a point or a landmark, as a parameter of :class:`hpop.Tour`."""
+    if "landmark" in stop:
+        return {"landmark": stop["landmark"]}
+    found = _single(stop, problem, closed)
+    if found.target is None:
+        raise QueryError(f"a stop cannot be reached: {found.place['words']}")
+    return {"at": [found.place["goal"]["x"], found.place["goal"]["y"]], "within": WITHIN}
+
+
+def _place(spot: Mapping[str, Any], status: str, words: str, goal: tuple[float, float] | None) -> dict[str, Any]:
+    at = None if goal is None else {"x": goal[0], "y": goal[1], "theta": None}
+    return {"type": "place", "x": spot.get("x"), "y": spot.get("y"), "status": status, "words": words, "goal": at}
+
+
+def _state(problem: Problem, x: float, y: float) -> tuple[float | None, ...]:
+    """Return a goal state at a point, with any heading; other variables as at the start."""
+    own: dict[str, float | None] = {"x": x, "y": y, "yaw": None}
+    return tuple(own.get(n, value) for n, value in zip(problem.model.space.names, problem.start, strict=True))
+
+
+def _states(problem: Problem, x: float, y: float, headings: int) -> States:
+    """Return states at a point, with some headings; without any, one state with the heading NaN, for any heading."""
+    count = max(headings, 1)
+    yaw = np.arange(count) * 2 * np.pi / count if headings else np.full(1, np.nan)
+    columns = {n: np.full(count, v) for n, v in zip(problem.model.space.names, problem.start, strict=True)}
+    return States(**columns | {"x": np.full(count, x), "y": np.full(count, y), "yaw": yaw})
+
+
+def _in_the_way(x: float, y: float, problem: Problem, closed: Sequence[Closing]) -> Iterator[str]:
+    """Yield what blocks a place, in words: the first cause that is found."""
+    world, point, reach = problem.world, shapely.Point(x, y), reach_of(problem.model)  # type: ignore[arg-type]
+    if not world.extent.covers(point):
+        yield "the border of the map"
+        return
+    for closing in closed:
+        if closing.area.distance(point) <= reach:
+            yield printable(closing.person or closing.name) or "a closed area"
+            return
+    near = min(((o.polygon.distance(point), o.name) for o in world.obstacles), default=(math.inf, ""))
+    yield (printable(near[1]) if near[0] <= reach else "") or "a wall"

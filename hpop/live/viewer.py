@@ -1,0 +1,158 @@
+"""Viewers of a live session: pages that are connected, with bounds on what they send and on what waits for them."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+from collections import deque
+from collections.abc import Mapping
+from typing import Any
+
+from hpop.live.messages import checked
+
+MOST_WAITING = 256
+"""Messages that may wait for a viewer; one who reads more slowly is sent away."""
+MOST_MESSAGES, BURST = 60.0, 120.0
+"""Messages a second that a viewer may send, and at once."""
+MOST_REFUSALS = 3.0
+"""Refusals a second that a viewer is sent."""
+MOST_VIEWERS = 32
+KEPT = ("place", "options", "taken")
+"""Types of messages of which a viewer who comes later is sent the newest."""
+
+
+class Viewer:
+    """A page that is connected: its outgoing messages, and its bounds.
+
+    may_drive   whether its token lets it drive
+    wants       whether it asked to drive
+    greeted     whether it has said hello
+    alive       time of its last sign, s
+    seen        whether it was sent the scene
+    gone        why it is sent away; "" while it is not
+    """
+
+    def __init__(self, number: int, *, may_drive: bool, now: float) -> None:
+        self.number, self.may_drive, self.wants, self.greeted = number, may_drive, False, False
+        self.alive, self.gone, self.seen = -math.inf, "", False
+        self.waiting: deque[str] = deque()
+        self.state = ""
+        self.wakes = asyncio.Event()
+        self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, now
+
+    def send(self, message: Mapping[str, Any]) -> None:
+        """Queue a message; a newer state replaces one that still waits."""
+        text = json.dumps(message, allow_nan=False, separators=(",", ":"))
+        if message["type"] == "state":
+            self.state = text
+        elif len(self.waiting) < MOST_WAITING:
+            self.waiting.append(text)
+        else:
+            self.gone = "reads too slowly"
+        self.wakes.set()
+
+    def counts(self, now: float) -> bool:
+        """Count a message that came; return whether it is within the bounds."""
+        passed, self._counted = now - self._counted, now
+        self._budget = min(BURST, self._budget + passed * MOST_MESSAGES) - 1.0
+        self._refusals = min(MOST_REFUSALS, self._refusals + passed * MOST_REFUSALS)
+        return self._budget >= 0.0
+
+    def refuse(self, words: str) -> None:
+        """Say why a message was refused, unless this was said too often."""
+        if self._refusals >= 1.0:
+            self._refusals -= 1.0
+            self.send({"type": "refused", "words": words})
+
+
+class Audience:
+    """The viewers of a session, who are told what happens; a subclass does what they ask for.
+
+    scene   message "scene" without the role
+    newest  newest message of each type of `KEPT`
+    """
+
+    def __init__(self, scene: Mapping[str, Any]) -> None:
+        self.scene = dict(scene)
+        self.viewers: list[Viewer] = []
+        self.newest: dict[str, Mapping[str, Any]] = {}
+        self._numbers, self._began = 0, 0.0
+
+    @property
+    def now(self) -> float:
+        """Time of the session, s."""
+        return asyncio.get_running_loop().time() - self._began
+
+    def begin(self) -> None:
+        """Let the time of the session begin."""
+        self._began = asyncio.get_running_loop().time()
+
+    async def run(self) -> None:
+        """Hold the session until this task is cancelled."""
+        raise NotImplementedError
+
+    def join(self, *, may_drive: bool) -> Viewer | None:
+        """Return a new viewer; None if there are too many."""
+        if len(self.viewers) >= MOST_VIEWERS:
+            return None
+        self._numbers += 1
+        viewer = Viewer(self._numbers, may_drive=may_drive, now=self.now)
+        self.viewers.append(viewer)
+        return viewer
+
+    def leave(self, viewer: Viewer) -> None:
+        """Forget a viewer who has gone."""
+        self.viewers.remove(viewer)
+
+    def tell(self, message: Mapping[str, Any]) -> None:
+        """Send a message to all viewers who have said hello."""
+        if message["type"] in KEPT:
+            self.newest[message["type"]] = message
+        for viewer in self.viewers:
+            if viewer.greeted:
+                viewer.send(message)
+
+    def note(self, words: str) -> None:
+        """Send a note to all viewers."""
+        self.tell({"type": "note", "words": words})
+
+    def receive(self, viewer: Viewer, text: str) -> None:
+        """Check a message of a viewer, and act on it."""
+        now = self.now
+        if not viewer.counts(now):
+            viewer.gone = "sends too many messages"
+            viewer.wakes.set()
+            return
+        try:
+            kind, values = checked(json.loads(text))
+        except RecursionError:
+            viewer.refuse("expected JSON that is not nested")
+        except ValueError as error:
+            viewer.refuse("expected JSON" if isinstance(error, json.JSONDecodeError) else str(error))
+        else:
+            if kind == "alive":
+                viewer.alive = now
+            elif kind == "hello":
+                viewer.greeted, viewer.wants, viewer.alive = True, values["role"] == "drive", now
+                self.greet(viewer)
+            elif viewer.greeted:
+                self.act(viewer, kind, values)
+            else:
+                viewer.refuse("say hello first")
+
+    def greet(self, viewer: Viewer) -> None:
+        """Send the scene to a viewer who has said hello, and what was told last."""
+        viewer.send(self.scene_for(viewer))
+        viewer.seen = True
+        for message in self.newest.values():
+            viewer.send(message)
+
+    def scene_for(self, viewer: Viewer) -> dict[str, Any]:
+        """Return the message "scene" for a viewer, with the role."""
+        return {**self.scene, "role": "watch", "settings": {}}
+
+    def act(self, viewer: Viewer, kind: str, values: dict[str, Any]) -> None:
+        """Do what a viewer asks for; by default nothing is done for those who watch."""
+        if kind != "head":
+            viewer.refuse("this page watches")

@@ -1,0 +1,118 @@
+"""A session as pages see it: from the destination to the arrival, with two viewers and whoever should not be one."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import pairwise
+
+import pytest
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+
+from hpop.live.record import read_record
+from hpop.live.server import LiveServer
+from hpop.live.viewer import BURST
+from tests.live.conftest import Page
+
+
+@pytest.fixture
+def page(server: LiveServer) -> Iterator[Page]:
+    page = Page(server.address())
+    yield page
+    page.close()
+    while server.session.viewers:
+        time.sleep(0.01)
+
+
+def test_a_page_chooses_takes_pushes_stops_and_a_crash_is_told(server: LiveServer, page: Page) -> None:
+    scene = page.until("scene")
+    assert (scene["role"], [c["name"] for c in scene["criteria"]]) == ("drive", ["obstruction", "turns", "length"])
+    page.say("destination", x=6.0, y=4.0)
+    assert page.until("place")["status"] == "reachable"
+    options = page.until("options")
+    page.say("take", option=options["cards"][0]["option"])
+    assert page.until("taken")["by"] == "choice"
+    page.until("state", lambda state: state["moving"] and state["x"] > 1.05)
+    page.say("push", direction=0.5)
+    assert page.until("pushed")["milliseconds"] < 5000
+    page.say("stop")
+    first = page.until("state", lambda state: not state["moving"])
+    assert first["braked"] == "stopped"
+    page.say("why", x=4.0, y=4.5)
+    assert page.until("why")["sentence"]
+    os.kill(server.session.planner.pid or 0, signal.SIGKILL)
+    page.until("note", lambda message: "is started again" in message["words"])
+    page.say("go")
+    still = page.until("state", lambda state: state["braked"] == "the planner is being started")
+    assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)
+    again = page.until("options")
+    assert again["commit"]["x"] == pytest.approx(first["x"], abs=0.01)
+
+
+def test_the_robot_brakes_when_the_driver_is_silent_and_the_next_viewer_drives(server: LiveServer, page: Page) -> None:
+    page.until("scene", lambda scene: scene["role"] == "drive")
+    other = Page(server.address())
+    watcher = Page(server.address(drives=False))
+    assert other.until("scene")["role"] == watcher.until("scene")["role"] == "watch"
+    other.say("go")
+    assert "another viewer drives" in other.until("refused")["words"]
+    page.silent()
+    page.until("state", lambda state: state["braked"] == "nobody drives")
+    page.close()
+    assert other.until("scene")["role"] == "drive"
+    other.until("state", lambda state: state["braked"] == "stopped")
+    other.close()
+    watcher.until("state", lambda state: state["braked"] == "nobody drives")
+    watcher.close()
+
+
+BAD = ["[]", "{", "[" * 20_000, '{"type": "take", "option": -1}', '{"type": "push", "direction": NaN}',
+       '{"type": "destination", "x": 1}', '{"type": "no such"}', '{"type": "close", "corners": [[0, 0]]}']  # fmt: skip
+
+
+def test_bad_messages_are_refused_three_a_second_and_the_page_stays_connected(page: Page) -> None:
+    page.until("scene")
+    for text in BAD:
+        page.socket.send(text)
+    page.say("stop")
+    page.until("state", lambda state: state["braked"] == "stopped")
+    assert 3 <= sum(message["type"] == "refused" for message in page.told) <= 5
+
+
+def test_floods_large_messages_and_pages_of_others_are_sent_away(server: LiveServer, page: Page) -> None:
+    address = server.address()
+    for wrong, headers in (
+        (address.replace(server.token, "no-such-token"), {}),
+        (address, {"Origin": "https://evil.example"}),
+        (address, {"Host": "evil.example"}),
+    ):
+        with pytest.raises(InvalidStatus):
+            Page(wrong, additional_headers=headers)
+    flood = Page(server.address(drives=False))
+    with suppress(ConnectionClosed):
+        for _ in range(50 * int(BURST)):
+            flood.say("alive")
+    with pytest.raises(ConnectionClosed):
+        flood.until("arrived")
+    large = Page(server.address(drives=False))
+    large.socket.send(json.dumps({"type": "wish", "wish": "x" * 10**6}))
+    with pytest.raises(ConnectionClosed):
+        large.until("arrived")
+    page.say("stop")
+    page.until("state", lambda state: state["braked"] == "stopped")
+
+
+def test_the_record_has_what_was_said_and_told_in_order(server: LiveServer, page: Page) -> None:
+    page.until("scene")
+    page.say("wish", wish="fewer turns")
+    page.until("refused")
+    events = read_record(server.session.record.path)
+    assert events[0]["schema"] == "hpop-live-record"
+    assert [event["at"] for event in events] == sorted(event["at"] for event in events)
+    assert {"hello", "destination", "take", "push", "stop", "plan", "told", "state"} <= {e["event"] for e in events}
+    states = [event["t"] for event in events if event["event"] == "state"]
+    assert max(after - before for before, after in pairwise(states)) < 1.0
