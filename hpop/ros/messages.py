@@ -95,10 +95,10 @@ def planar_pose(message: Any, where: str = "the pose") -> PlanarPose:
         pose = mapping(pose["pose"], f"pose of {where}")
     position = mapping(pose.get("position"), f"position of {where}")
     x, y = (number(position.get(axis), f"position.{axis} of {where}", FARTHEST) for axis in "xy")
-    return PlanarPose(x, y, _yaw(pose.get("orientation"), where), frame)
+    return PlanarPose(x, y, yaw_of(pose.get("orientation"), where), frame)
 
 
-def _yaw(orientation: Any, where: str) -> float:
+def yaw_of(orientation: Any, where: str) -> float:
     """Return the yaw, rad, of an orientation; RosError if it is not a rotation, or has no horizontal direction."""
     told = mapping(orientation, f"orientation of {where}")
     x, y, z, w = (number(told.get(axis), f"orientation.{axis} of {where}", 2.0) for axis in "xyzw")

@@ -18,11 +18,12 @@ from hpop.motions.states import Values
 from hpop.planners.base import Planner
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
-from hpop.problems.problem import Problem
+from hpop.problems.problem import Problem, TourSpec
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
 from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure, GoalResult, GoalStatus, Interface, failed, values_of
 from hpop.runtime.status import ProgressCallback, Status, no_path_note
+from hpop.world import World
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")
 MOST_OPTIONS = 500  # most points of a front in a message
@@ -76,8 +77,8 @@ class GoalPlanner:
             asked = _checked(goal)
             choice = self._choice(asked.get("planner_id", ""))
             start, end = self._start(asked, robot), self._pose(asked.get("goal"), "the goal")
-            front = self._solved(start, end, progress)
-            row = _chosen(front, choice)
+            front = self.solved(start, end, progress)
+            row = chosen_row(front, choice)
             path = path_message(row.point.trajectory, frame_id=self.known.frame_id)
             if len(path["poses"]) > MOST_POSES:
                 long = f"the path has {len(path['poses']):,} poses, more than {MOST_POSES:,}; give a nearer goal"
@@ -134,18 +135,32 @@ class GoalPlanner:
             )
         return pose
 
-    def _solved(self, start: PlanarPose, end: PlanarPose, progress: ProgressCallback | None) -> Front:
+    def solved(
+        self,
+        start: PlanarPose,
+        end: PlanarPose,
+        progress: ProgressCallback | None = None,
+        *,
+        world: World | None = None,
+        tour: TourSpec = None,
+    ) -> Front:
         """Solve the problem between two poses and return its front, which has points.
 
         Raises Failure if a pose is blocked or off the map, if planning fails, and if no path is found.
+
+        Parameters
+        ----------
+        world : the present world; None for that of the problem
+        tour : stops on the way
         """
-        own = self.problem
+        own, world = self.problem, world or self.problem.world
         whole = own.goal if isinstance(own.goal, tuple) else own.start
         begin, finish = self._state(own.start, start), self._state(whole, end)
-        self._check_free(begin, "start", ErrorCode.START_OUTSIDE_MAP, ErrorCode.START_OCCUPIED)
-        self._check_free(finish, "goal", ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.GOAL_OCCUPIED)
+        self._check_free(world, begin, "start", ErrorCode.START_OUTSIDE_MAP, ErrorCode.START_OCCUPIED)
+        self._check_free(world, finish, "goal", ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.GOAL_OCCUPIED)
         try:
-            problem = Problem(own.world, own.model, cast(Any, begin), finish, own.criteria, quanta=own.quanta)
+            asked = {"quanta": own.quanta, "horizon": own.horizon, "tour": tour}
+            problem = Problem(world, own.model, cast(Any, begin), finish, own.criteria, **asked)
             front = problem.solve(self.planners, progress=progress)
         except QueryError as error:  # free, but unreachable
             raise Failure(ErrorCode.NO_VALID_PATH, str(error)) from None
@@ -166,7 +181,7 @@ class GoalPlanner:
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
 
-    def _check_free(self, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
+    def _check_free(self, world: World, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
         """Raise Failure if the start or goal (named by ``what``) is off the map or blocked, with the case's code.
 
         ``values`` is a state; a value of None, which is free at the goal, is taken from the start of the problem.
@@ -175,9 +190,9 @@ class GoalPlanner:
         space = own.model.space
         full = [own.start[i] if value is None else value for i, value in enumerate(values)]
         told = dict(zip(space.names, full, strict=True))
-        if not own.world.extent.covers(shapely.Point(told["x"], told["y"])):
+        if not world.extent.covers(shapely.Point(told["x"], told["y"])):
             raise Failure(outside, f"the {what} ({told['x']:g}, {told['y']:g}) is off the map")
-        if why := own.model.collision(own.world).why_blocked(space.state(full)):
+        if why := own.model.collision(world).why_blocked(space.state(full)):
             raise Failure(occupied, f"the {what} is blocked: {why}")
 
 
@@ -212,7 +227,7 @@ def options_of(front: Front, chosen: NamedRow) -> Message:
     }
 
 
-def _chosen(front: Front, choice: str) -> NamedRow:
+def chosen_row(front: Front, choice: str) -> NamedRow:
     """Return the row of a front that a choice names; Failure if there is none."""
     try:
         (row,) = named_rows(front, [choice])

@@ -196,7 +196,7 @@ def test_what_a_pose_does_not_say_is_as_the_problem_has_it(room):
     model = hpop.PanTilt(base=hpop.DifferentialDrive(radius=0.2))
     problem = hpop.Problem(room.world, model, (1, 1, 0, 0.5, 0), (7, 5, None, -0.5, 0.1), ["length"])
     planning = GoalPlanner(problem, [{"roadmap": {"samples": 60, "seed": 1}}], Interface())
-    states = planning._solved(PlanarPose(*START, "map"), PlanarPose(*GOAL, "map"), None).knee().trajectory.states
+    states = planning.solved(PlanarPose(*START, "map"), PlanarPose(*GOAL, "map")).knee().trajectory.states
     found = [(states.x[i], states.y[i], states.yaw[i], states.pan[i], states.tilt[i]) for i in (0, -1)]
     assert found == [pytest.approx((*START, 0.5, 0)), pytest.approx((*GOAL, -0.5, 0.1))]
 
