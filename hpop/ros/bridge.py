@@ -29,9 +29,7 @@ from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
 from hpop.runtime.status import Progress, log
 
-Send = Callable[[str], None]
 ALIVE = 1.0  # least time between two feedback messages, s
-MOST_REMARKS = 20  # most complaints about invalid messages
 FAREWELL = 10.0  # s to wait until planning stops
 
 
@@ -54,12 +52,10 @@ class _Goal:
 
 
 @checked_arguments
-class PathServer:
+class PathServer(protocol.MessageServer):
     """Action server that plans goals; a bridge passes messages to and from it.
 
-    The bridge calls ``connected``, ``received`` and ``disconnected`` from one thread. A new goal aborts the
-    goal that is being planned, because Nav2 sends a new goal every second. Invalid messages are ignored, and
-    reported once for each wording, up to `MOST_REMARKS`.
+    A new goal aborts the goal that is being planned, because Nav2 sends a new goal every second.
 
     Parameters
     ----------
@@ -68,48 +64,38 @@ class PathServer:
     """
 
     def __init__(self, planning: GoalPlanner, *, say: Callable[[str], None] = log.info) -> None:
-        self.planning, self.known, self.say = planning, planning.known, say
+        super().__init__(say=say)
+        self.planning, self.known = planning, planning.known
         self._changed = Condition()
-        self._send: Send | None = None
         self._robot: PlanarPose | None = None
         self._next: _Goal | None = None
         self._now: _Goal | None = None
         self._closed = False
-        self._remarks: set[str] = set()
         self._thread = Thread(target=self._plan, name="hpop-ros-planning", daemon=True)
         self._thread.start()
 
     # Called by the bridge
 
-    def connected(self, send: Send) -> None:
-        """Offer the action on a new connection.
+    @property
+    def offers(self) -> str:
+        """What is offered, for a line of text."""
+        return f"goals of {self.known.action} are planned"
 
-        ``send`` sends a message; any thread may call it, and it raises nothing.
-        """
+    def greetings(self) -> list[Message]:
+        """Return the messages that open a connection."""
+        return protocol.greetings(self.known)
+
+    def farewells(self) -> list[Message]:
+        """Return the messages that withdraw the action and the topics."""
+        return protocol.farewells(self.known)
+
+    def lost(self) -> None:
+        """Drop all goals, and the pose of the robot."""
         with self._changed:
-            self._send, self._robot = send, None
-        for message in protocol.greetings(self.known):
-            send(protocol.encoded(message))
-
-    def received(self, data: str | bytes) -> None:
-        """Handle one incoming message; an invalid one is reported and ignored."""
-        try:
-            message = protocol.parsed(data)
-            take = self._ops().get(message["op"])
-            if take is None:
-                raise RosError(f"a message with op {shown(message['op'])}, which an action server does not handle")
-            take(message)
-        except RosError as error:
-            self._remark(f"ignored {error}")
-
-    def disconnected(self) -> None:
-        """Drop all goals after the connection is lost, because the bridge has aborted them."""
-        with self._changed:
-            self._send = None
             for goal in (self._next, self._now):
                 if goal is not None:
                     goal.open = False
-            self._next = None
+            self._next = self._robot = None
 
     def close(self) -> None:
         """Stop planning and end the thread; wait for it for at most `FAREWELL` s."""
@@ -120,7 +106,7 @@ class PathServer:
             self._changed.notify_all()
         self._thread.join(FAREWELL)
 
-    def _ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
+    def ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
         """Return the methods that handle incoming messages, by the message's ``op``."""
         return {"send_action_goal": self._accept, "cancel_action_goal": self._cancel, "publish": self._heard}
 
@@ -135,7 +121,7 @@ class PathServer:
         why = Failure(ErrorCode.UNKNOWN, "a newer goal took its place")
         for old in replaced:
             self._end(old, failed(self.known, why, 0.0))
-        self._tell(protocol.feedback(self.known, goal.id))
+        self.tell(protocol.feedback(self.known, goal.id))
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
         """Cancel a goal that is planned or waits; RosError if there is none with its id."""
@@ -194,7 +180,7 @@ class PathServer:
                 raise _GivenUp
             if monotonic() - told >= ALIVE:
                 told = monotonic()
-                self._tell(protocol.feedback(self.known, goal.id))
+                self.tell(protocol.feedback(self.known, goal.id))
 
         try:
             return self.planning.answer(goal.args, robot, follow)
@@ -211,24 +197,10 @@ class PathServer:
             if not goal.open:
                 return
             goal.open = False
-        self._tell(protocol.result(self.known, goal.id, answer.status, answer.values))
+        self.tell(protocol.result(self.known, goal.id, answer.status, answer.values))
         if answer.options is not None:
-            self._tell(protocol.publication(self.known, {"goal": goal.id, **answer.options}))
+            self.tell(protocol.publication(self.known, {"goal": goal.id, **answer.options}))
         self.say(_line(goal, answer))
-
-    def _tell(self, message: Message) -> None:
-        """Send a message to the bridge, if there is a connection."""
-        with self._changed:
-            send = self._send
-        if send is not None:
-            send(protocol.encoded(message))
-
-    def _remark(self, text: str) -> None:
-        """Report an invalid message by ``say``: each text once, and at most `MOST_REMARKS` texts."""
-        if text in self._remarks or len(self._remarks) > MOST_REMARKS:
-            return
-        self._remarks.add(text)
-        self.say(text if len(self._remarks) <= MOST_REMARKS else "further invalid messages are not reported")
 
 
 def _line(goal: _Goal, answer: GoalResult) -> str:
@@ -273,12 +245,12 @@ class Pace:
 
 @checked_arguments
 class Bridge:
-    """Client of rosbridge that offers the action of a :class:`PathServer` until it is stopped.
+    """Client of rosbridge that offers the actions of a server until it is stopped.
 
     Parameters
     ----------
     url : such as ws://localhost:9090, or wss://
-    server : plans the goals that come
+    server : answers the goals that come, such as a :class:`PathServer`
     say : called with a line of text for each event
     delays : (first, longest), s, before attempts to connect again; each delay is twice the one before
 
@@ -288,7 +260,7 @@ class Bridge:
     def __init__(
         self,
         url: str,
-        server: PathServer,
+        server: protocol.MessageServer,
         *,
         say: Callable[[str], None] = log.info,
         delays: tuple[float, float] = DELAYS,
@@ -309,7 +281,7 @@ class Bridge:
             try:
                 with self._connected() as connection:
                     since = monotonic()
-                    self.say(f"connected to {self.url}: goals of {self.server.known.action} are planned")
+                    self.say(f"connected to {self.url}: {self.server.offers}")
                     why = self._serve(connection)
             except (OSError, self._errors.WebSocketException, EOFError, ValueError) as error:
                 why = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
@@ -331,7 +303,7 @@ class Bridge:
             self.url,
             compression=None,  # not needed in one network, and no message grows when unpacked
             proxy=None,
-            max_size=protocol.MOST_BYTES,
+            max_size=self.server.most_bytes,
             max_queue=MOST_WAITING,
             open_timeout=OPENING,
             close_timeout=CLOSING,
@@ -373,7 +345,7 @@ class Bridge:
             if connection is None:
                 return
             with suppress(self._errors.ConnectionClosed):
-                for message in protocol.farewells(self.server.known):
+                for message in self.server.farewells():
                     connection.send(protocol.encoded(message))
             connection.close()
 

@@ -67,7 +67,10 @@ class Transforms:
         self._ages: dict[str, MessageAge] = {}
 
     def hear(self, message: Any, now: float, *, static: bool = False) -> None:
-        """Store the transforms of a tf2_msgs/TFMessage that came at ``now``, s; frames that look straight up are left out."""
+        """Store the transforms of a tf2_msgs/TFMessage that came at ``now``, s.
+
+        Transforms without a heading, such as to the optical frame of a camera, are left out.
+        """
         transforms = mapping(message, "a tf message").get("transforms")
         if not isinstance(transforms, Sequence) or isinstance(transforms, str):
             raise RosError(f"a tf message must have a list of transforms, got {shown(transforms)}")
@@ -209,7 +212,10 @@ def _check_frame(message: Mapping[str, Any], frame: str, where: str) -> None:
 
 @dataclass(frozen=True)
 class FilterScale:
-    """Meaning of a costmap filter's mask: kind 0 keep-out, 1 speed in percent, 2 speed in m/s; value = base + data times multiplier."""
+    """Meaning of the cells in the mask of a costmap filter: base + multiplier times the cell's value.
+
+    kind  0: keep-out, closed from 100; 1: speed limit in percent of the cruise speed; 2: speed limit in m/s
+    """
 
     kind: int = 0
     base: float = 0.0
@@ -249,9 +255,7 @@ def with_grid(world: World, grid: Grid | None, mask: Grid | None) -> World:
     if mask is not None and (lethal := mask.cells >= LETHAL).any():
         closed.append(mask.area(lethal))
     zones = [*content.zones, *(Zone("keep-out", area) for area in closed)]
-    return world.with_content(
-        people=content.people, groups=content.groups, landmarks=content.landmarks, zones=zones
-    )
+    return world.with_content(people=content.people, groups=content.groups, landmarks=content.landmarks, zones=zones)
 
 
 def _of_cells(world: World, grid: Grid) -> World:
@@ -277,7 +281,7 @@ def _of_cells(world: World, grid: Grid) -> World:
 
 
 class PeopleSeen:
-    """People around the robot, from people_msgs/People, or from geometry_msgs/PoseArray, whose indices are their ids."""
+    """People around the robot, from people_msgs/People, or geometry_msgs/PoseArray, whose indices are their ids."""
 
     def __init__(self, radius: float = 0.25) -> None:
         self.radius = radius

@@ -14,6 +14,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
 from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
 from hpop.frontier.union import JOINT
+from hpop.motions import States
 from hpop.motions.states import Values
 from hpop.planners.base import Planner
 from hpop.problems.front import Front
@@ -180,6 +181,10 @@ class GoalPlanner:
         """Return the state ``whole`` of the robot with x, y and yaw of its base replaced by those of a pose."""
         told: dict[str, float] = dict(zip(OF, pose[:3], strict=True))
         return tuple(told.get(name, value) for name, value in zip(self.problem.model.space.names, whole, strict=True))
+
+    def state_at(self, pose: PlanarPose) -> States:
+        """Return the state (1,) of the robot at a pose; other values than x, y and yaw are those at the start."""
+        return self.problem.model.space.state(self._state(self.problem.start, pose))
 
     def _check_free(self, world: World, values: Values, what: str, outside: ErrorCode, occupied: ErrorCode) -> None:
         """Raise Failure if the start or goal (named by ``what``) is off the map or blocked, with the case's code.

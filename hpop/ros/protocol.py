@@ -1,4 +1,4 @@
-"""Messages of the rosbridge v2 protocol between the bridge and an action server for ComputePathToPose.
+"""Messages of the rosbridge v2 protocol between the bridge and an action server, such as of ComputePathToPose.
 
 Written from ROSBRIDGE_PROTOCOL.md of RobotWebTools/rosbridge_suite, commit 01cc6a1, sections 3.2.1 to 3.2.5 (topics)
 and 3.2.10 to 3.2.15 (actions). An incoming message is limited in size before it is parsed, and refused unless it is an
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import Any, NamedTuple
@@ -94,12 +94,15 @@ class GoalStatus(IntEnum):
     ABORTED = 6
 
 
-def parsed(data: str | bytes) -> Mapping[str, Any]:
-    """Parse an incoming message, which must be a JSON object with a text ``op``; raise RosError for anything else."""
+def parsed(data: str | bytes, most: int = MOST_BYTES) -> Mapping[str, Any]:
+    """Parse an incoming message, which must be a JSON object with a text ``op``; raise RosError for anything else.
+
+    ``most`` is the limit of its size, characters.
+    """
     if isinstance(data, bytes):
         raise RosError("a binary message, which was not requested")
-    if len(data) > MOST_BYTES:
-        raise RosError(f"a message of {len(data):,} characters, more than the limit of {MOST_BYTES:,}")
+    if len(data) > most:
+        raise RosError(f"a message of {len(data):,} characters, more than the limit of {most:,}")
     try:
         message = strict_json.parse(data.encode())
     except RecursionError:
@@ -150,19 +153,29 @@ def farewells(known: Interface) -> list[Message]:
     ]
 
 
+def action_feedback(action: str, goal: str, values: Message) -> Message:
+    """Return a feedback message of a goal."""
+    return {"op": "action_feedback", "id": goal, "action": action, "values": values}
+
+
 def feedback(known: Interface, goal: str) -> Message:
     """Return the feedback message that keeps a goal alive while it is planned; it has no fields."""
-    return {"op": "action_feedback", "id": goal, "action": known.action, "values": {}}
+    return action_feedback(known.action, goal, {})
 
 
-def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> Message:
+def action_result(action: str, goal: str, status: GoalStatus, values: Message) -> Message:
     """Return the message with the result of a goal: its final status, and the fields ``values``.
 
     ``result`` is always true, because for false the bridge drops the values with the error code, and aborts the goal
     (rosbridge_library/capabilities/action_result.py, commit 1101795). The bridge takes the status from ``status``.
     """
-    message = {"op": "action_result", "id": goal, "action": known.action, "values": values}
+    message = {"op": "action_result", "id": goal, "action": action, "values": values}
     return {**message, "status": int(status), "result": True}
+
+
+def result(known: Interface, goal: str, status: GoalStatus, values: Message) -> Message:
+    """Return the message with the result of a goal of ComputePathToPose."""
+    return action_result(known.action, goal, status, values)
 
 
 def publication(known: Interface, options: Message) -> Message:
@@ -228,3 +241,86 @@ def failed(known: Interface, failure: Failure, seconds: float) -> GoalResult:
 def canceled(known: Interface) -> GoalResult:
     """Return the result of a goal that its client canceled."""
     return GoalResult(GoalStatus.CANCELED, values_of(known, None, 0.0))
+
+
+MOST_REMARKS = 20  # most complaints about invalid messages
+
+
+class MessageServer:
+    """Server of actions behind a :class:`.Bridge`, which passes messages to it and from it.
+
+    The bridge calls ``connected``, ``received`` and ``disconnected`` from one thread. Invalid messages are ignored, and
+    reported once for each wording, up to `MOST_REMARKS`. Subclasses say what they offer, and handle messages.
+
+    say         called with a line of text for each event
+    most_bytes  size limit of an incoming message
+    """
+
+    def __init__(self, *, say: Callable[[str], None], most_bytes: int = MOST_BYTES) -> None:
+        self.say, self.most_bytes = say, most_bytes
+        self._send: Callable[[str], None] | None = None
+        self._remarks: set[str] = set()
+
+    @property
+    def offers(self) -> str:
+        """What is offered, for a line of text."""
+        raise NotImplementedError
+
+    def greetings(self) -> list[Message]:
+        """Return the messages that open a connection."""
+        raise NotImplementedError
+
+    def farewells(self) -> list[Message]:
+        """Return the messages that withdraw what is offered, before a connection is closed."""
+        raise NotImplementedError
+
+    def ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
+        """Return the methods that handle incoming messages, by the message's ``op``; they may raise RosError."""
+        raise NotImplementedError
+
+    def lost(self) -> None:
+        """Drop all goals after the connection is lost, because the bridge has aborted them."""
+        raise NotImplementedError
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether there is a connection."""
+        return self._send is not None
+
+    def connected(self, send: Callable[[str], None]) -> None:
+        """Offer the actions on a new connection.
+
+        ``send`` sends a message; any thread may call it, and it raises nothing.
+        """
+        self._send = send
+        for message in self.greetings():
+            send(encoded(message))
+
+    def received(self, data: str | bytes) -> None:
+        """Handle one incoming message; an invalid one is reported and ignored."""
+        try:
+            message = parsed(data, self.most_bytes)
+            take = self.ops().get(message["op"])
+            if take is None:
+                raise RosError(f"a message with op {shown(message['op'])}, which an action server does not handle")
+            take(message)
+        except RosError as error:
+            self.remark(f"ignored {error}")
+
+    def disconnected(self) -> None:
+        """Send nothing more, and drop all goals."""
+        self._send = None
+        self.lost()
+
+    def tell(self, message: Message) -> None:
+        """Send a message to the bridge, if there is a connection."""
+        send = self._send
+        if send is not None:
+            send(encoded(message))
+
+    def remark(self, text: str) -> None:
+        """Report an invalid message by ``say``: each text once, and at most `MOST_REMARKS` texts."""
+        if text in self._remarks or len(self._remarks) > MOST_REMARKS:
+            return
+        self._remarks.add(text)
+        self.say(text if len(self._remarks) <= MOST_REMARKS else "further invalid messages are not reported")

@@ -1,0 +1,140 @@
+"""Present surroundings of a robot that follows a plan: its pose, the map, masks and people, as last seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import shapely
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.motions import States
+from hpop.ros.messages import PlanarPose
+from hpop.ros.observations import FilterScale, Grid, with_grid
+from hpop.ros.planning import GoalPlanner
+from hpop.world import Person, World
+
+CHECKED = 0.05  # s between the poses of the plan that are checked ahead of the robot
+PEOPLE_LAST = 2.0  # s for which people are predicted after their last message
+SLIGHT = 1e-3  # m of change of a gap that does not count
+ABSENT = 1e5  # m: a person that far away has no effect
+
+
+class Sighting:
+    """What is known of the robot's pose and of the world around it. Times, s, are on the caller's clock.
+
+    planner  plans the goals, in the world of the scenario
+    world    the world of the scenario, as the last map and keep-out mask show it
+    """
+
+    def __init__(self, planner: GoalPlanner) -> None:
+        self.planner, self.world = planner, planner.problem.world
+        self._pose: tuple[PlanarPose, float] | None = None
+        self._people: tuple[tuple[Person, ...], float] | None = None
+        self._grid: Grid | None = None
+        self._keep_out: Grid | None = None
+        self._speeds: tuple[Grid, FilterScale] | None = None
+
+    def forget(self) -> None:
+        """Forget the pose and the people."""
+        self._pose = self._people = None
+
+    def located(self, pose: PlanarPose, at: float) -> None:
+        """Take the pose of the robot, as it was at a time, s."""
+        if self._pose is None or at >= self._pose[1]:
+            self._pose = pose, at
+
+    def saw(self, people: Sequence[Person], at: float) -> None:
+        """Take all people who are seen, as they were at a time, s."""
+        self._people = tuple(people), at
+
+    def mapped(self, grid: Grid) -> None:
+        """Take a map; RosError if it cannot be used."""
+        self.world = with_grid(self.planner.problem.world, grid, self._keep_out)
+        self._grid = grid
+
+    def filtered(self, mask: Grid, scale: FilterScale) -> None:
+        """Take the mask of a costmap filter: areas to keep out of, or speed limits."""
+        if scale.kind:
+            self._speeds = mask, scale
+            return
+        values = np.where(mask.cells < 0, 0, scale.base + scale.multiplier * mask.cells)
+        closed = replace(mask, cells=np.clip(values, 0, 100).astype(np.int8))
+        self.world = with_grid(self.planner.problem.world, self._grid, closed)
+        self._keep_out = closed
+
+    def pose(self, now: float, late: float) -> PlanarPose | None:
+        """Return the pose of the robot; None if it is older than ``late``, s."""
+        return None if self._pose is None or now - self._pose[1] > late else self._pose[0]
+
+    def missing(self, now: float) -> str:
+        """Return in words how the pose of the robot is missing."""
+        if self._pose is None:
+            return "no pose of the robot has come"
+        return f"the pose of the robot is {now - self._pose[1]:.1f} s old"
+
+    def people(self, at: float) -> tuple[Person, ...]:
+        """Return the people, as predicted for a time, s; those of the scenario if none were ever seen."""
+        own = self.planner.problem.world.content.people
+        if self._people is None:
+            return own
+        people, seen = self._people
+        if people and at - seen <= PEOPLE_LAST + 5.0:
+            return tuple(person.later(max(0.0, at - seen)) for person in people)
+        return tuple(Person(person.x + ABSENT, person.y) for person in own[:1])  # for criteria that need one
+
+    def world_with_people(self, at: float) -> World:
+        """Return the world with its people, as predicted for a time, s."""
+        content = self.world.content
+        groups = content.groups if self._people is None else ()
+        return self.world.with_content(
+            people=self.people(at), groups=groups, landmarks=content.landmarks, zones=content.zones
+        )
+
+    def free(self, states: States) -> BoolArray:
+        """Return which states (n,) of the robot touch no obstacle and no closed area."""
+        return self.planner.problem.model.collision(self.world).states_free(states)
+
+    def meets_people(self, soon: States, pose: PlanarPose, now: float, near: float) -> bool:
+        """Return whether the robot soon comes nearer to a person than ``near``, m, and than if it stood still.
+
+        ``soon`` are its states (n,) from now on, `CHECKED` s apart. People are predicted with constant velocity.
+        """
+        if self._people is None or now - self._people[1] > PEOPLE_LAST:
+            return False
+        times = np.arange(soon.size) * CHECKED
+        here = self.planner.state_at(pose).take(np.zeros(soon.size, np.int64))
+        parts = self.planner.problem.model.platform
+        for person in (one.later(max(0.0, now - self._people[1])) for one in self._people[0]):
+            x, y = person.x + person.velocity[0] * times, person.y + person.velocity[1] * times
+            moving, standing = (_gaps(parts, states, x, y) - person.radius for states in (soon, here))
+            if ((moving < near) & (moving < standing - SLIGHT)).any():
+                return True
+        return False
+
+    def speed_limit(self, pose: PlanarPose | None, cruise: float) -> float:
+        """Return the speed limit, m/s, of the filter's mask where the robot is; infinite for none.
+
+        ``cruise`` is the robot's speed, m/s, of which limits may be a share.
+        """
+        if self._speeds is None or pose is None:
+            return math.inf
+        mask, scale = self._speeds
+        return scale.speed(mask.value_at(pose.x, pose.y), cruise)
+
+
+def _gaps(parts: Sequence[Any], states: States, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Return the distances (n,), m, from points to the robot's outline, each in its own state; 0 within it."""
+    nearest = np.full(states.size, np.inf)
+    for part in parts:
+        corners = part.placed(states)
+        if corners.shape[1] == 1:
+            apart = np.hypot(corners[:, 0, 0] - x, corners[:, 0, 1] - y)
+        else:
+            outlines = shapely.convex_hull(shapely.multipoints(corners))
+            apart = shapely.distance(outlines, shapely.points(x, y))
+        nearest = np.minimum(nearest, apart - part.radius)
+    return nearest
