@@ -22,11 +22,12 @@ from hpop.base.options import MOST_WORKERS
 from hpop.base.text import argument
 from hpop.cli import listing, results
 from hpop.cli.beside import LivePage, PicturesBeside, kernels_beside
-from hpop.cli.exporting import export, ride, ros
+from hpop.cli.exporting import export, ride
 from hpop.cli.listing import look, new
 from hpop.cli.living import live
 from hpop.cli.preferring import prefer
 from hpop.cli.results import SAVED
+from hpop.cli.robots import ros
 from hpop.cli.running import batch, drive
 from hpop.cli.saved import pick, retime, show
 from hpop.cli.studying import study

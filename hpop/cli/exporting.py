@@ -1,9 +1,8 @@
-"""Commands ``hpop export``, ``ros`` and ``ride``: trajectories for other programs, for robots, and for viewers."""
+"""Commands ``hpop export`` and ``ride``: trajectories for other programs, and for viewers."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,9 +13,8 @@ import hpop
 from hpop import cli, problems
 from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, listed, open_page, points_option, rows_option, user_errors
-from hpop.errors import HpopError, OutputError
+from hpop.errors import HpopError
 from hpop.runtime import status
-from hpop.runtime.status import Status, progress_bar
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -118,83 +116,6 @@ def export(
     echo(f"written to {out}: {', '.join(file.name for file in written)}")
     if no_world is not None:
         raise no_world
-
-
-@click.command()
-@click.argument("scenario", type=click.Path(path_type=Path))
-@click.option("--url", required=True, metavar="URL", help="Websocket of rosbridge, such as ws://localhost:9090.")
-@click.option("--action", default="/hpop/compute_path_to_pose", metavar="NAME", show_default=True, help="The action.")
-@click.option(
-    "--distro",
-    default="jazzy",
-    metavar="NAME",
-    show_default=True,
-    help="Distribution of ROS 2, which decides the fields of a result: humble, iron, jazzy, kilted or rolling.",
-)
-@click.option(
-    "--choice",
-    default="knee",
-    metavar="NAME",
-    show_default=True,
-    help="Trajectory for an empty planner_id: knee, or a criterion, such as 'fewest turns', for its least value.",
-)
-@click.option("--frame-id", default="map", metavar="NAME", show_default=True, help="Frame of goals and paths.")
-@click.option(
-    "--pose-topic", default="/amcl_pose", metavar="NAME", show_default=True, help="Topic of the robot's pose."
-)
-@click.option(
-    "--pose-type",
-    default="geometry_msgs/msg/PoseWithCovarianceStamped",
-    metavar="TYPE",
-    show_default=True,
-    help="Type of these messages; also geometry_msgs/msg/PoseStamped or nav_msgs/msg/Odometry.",
-)
-@click.option(
-    "--options-topic",
-    default="/hpop/options",
-    metavar="NAME",
-    show_default=True,
-    help="Topic for the front of each plan, as JSON.",
-)
-@imports_option
-@user_errors
-def ros(
-    scenario: Path,
-    url: str,
-    action: str,
-    distro: str,
-    choice: str,
-    frame_id: str,
-    pose_topic: str,
-    pose_type: str,
-    options_topic: str,
-    imports: tuple[str, ...],
-) -> None:
-    """Offer the planner of a scenario to ROS 2 as an action.
-
-    Connects to rosbridge and offers ComputePathToPose until Ctrl-C. The SCENARIO gives world, robot, criteria and
-    planner; each ROS goal gives start and goal. The scenario itself is planned first, so that code is compiled and
-    errors are reported before a robot waits for a path.
-    """
-    cli.user_code.register(imports)
-    known = hpop.ros.Interface(action, distro, frame_id, pose_topic, pose_type, options_topic, choice)
-    hpop.ros.bridge.checked_url(url)
-    loaded = hpop.scenario.load_scenario(scenario)
-    planning = hpop.ros.GoalPlanner(loaded.problem, loaded.planners, known)
-    with progress_bar() as progress:
-        front = planning.rehearsed(progress)
-    if Status.INTERRUPTED in front.status:  # Ctrl-C before the action was offered
-        raise KeyboardInterrupt
-    echo(f"planned {scenario}: {len(front):,} trajectories, {front.status}")
-    server = hpop.ros.PathServer(planning, say=echo)
-    try:
-        with suppress(KeyboardInterrupt):
-            hpop.ros.Bridge(url, server, say=echo).run()
-    except ImportError as error:
-        raise OutputError(str(error)) from None
-    finally:
-        server.close()
-    echo(f"the action {action} is no longer offered")
 
 
 FPS, WIDTH = 30.0, 2048

@@ -78,7 +78,7 @@ class PathServer(protocol.MessageServer):
 
     @property
     def offers(self) -> str:
-        """What is offered, for a line of text."""
+        """Offered actions, for a line of text."""
         return f"goals of {self.known.action} are planned"
 
     def greetings(self) -> list[Message]:

@@ -27,7 +27,7 @@ SAME_PLACE = 0.05  # m that a measured pose may be off the place of the plan whe
 @checked_arguments
 @dataclass(frozen=True)
 class FollowSettings:
-    """How a follower chooses, and when it stops.
+    """Choices and limits of a follower.
 
     choice    trajectory that it takes, such as "knee" or "fewest turns"
     asks      after a stop it publishes the options and waits until one is taken, instead of taking ``choice``
@@ -101,7 +101,7 @@ class Planned(NamedTuple):
     options: Message
 
 
-class Step(NamedTuple):
+class FollowStep(NamedTuple):
     """Result of a step: the command, None if the robot belongs to others, and what has happened."""
 
     command: Command | None

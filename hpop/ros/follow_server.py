@@ -63,7 +63,7 @@ class FollowServer(MessageServer):
 
     @property
     def offers(self) -> str:
-        """What is offered, for a line of text."""
+        """Offered actions, for a line of text."""
         return f"goals of {' and '.join(self.known.actions)} are driven"
 
     def greetings(self) -> list[Message]:

@@ -22,9 +22,9 @@ from hpop.errors import HpopError, RosError
 from hpop.motions import States
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
-from hpop.ros.follow_plans import Ended, FollowGoal, FollowPlanner, FollowSettings, Planned, Step
+from hpop.ros.follow_plans import Ended, FollowGoal, FollowPlanner, FollowSettings, FollowStep, Planned
 from hpop.ros.messages import Message, PlanarPose
-from hpop.ros.observations import FilterScale, Grid
+from hpop.ros.observations import FilterScale, OccupancyGrid
 from hpop.ros.paths import path_message
 from hpop.ros.planning import choice_of, chosen_row, options_of
 from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure
@@ -128,7 +128,7 @@ class Follower:
         with self._lock:
             self.seen.saw(people, at)
 
-    def mapped(self, grid: Grid) -> None:
+    def mapped(self, grid: OccupancyGrid) -> None:
         """Take a map; RosError if it cannot be used."""
         self.seen.mapped(grid)
         with self._lock:
@@ -136,7 +136,7 @@ class Follower:
             if self._run is not None:
                 self._run.open = None
 
-    def filtered(self, mask: Grid, scale: FilterScale) -> None:
+    def filtered(self, mask: OccupancyGrid, scale: FilterScale) -> None:
         """Take the mask of a costmap filter: areas to keep out of, or speed limits."""
         self.seen.filtered(mask, scale)
         with self._lock:
@@ -203,7 +203,7 @@ class Follower:
 
     # The loop
 
-    def step(self, now: float) -> Step:
+    def step(self, now: float) -> FollowStep:
         """Return the command for now, and what has happened since the last step; call it 10 to 50 times a second."""
         with self._lock:
             self._take_up(now)
@@ -211,7 +211,7 @@ class Follower:
             self._sent = command or STAND
             self._plan_again(now)
             events, self._events = tuple(self._events), []
-            return Step(command, events)
+            return FollowStep(command, events)
 
     def state(self, now: float) -> Message:
         """Return what the follower does, as JSON."""

@@ -16,7 +16,7 @@ from hpop.errors import OptionError, RosError
 from hpop.ros.follow_plans import Ended
 from hpop.ros.following import Follower
 from hpop.ros.messages import SECOND, Message, PlanarPose, header, mapping, planar_pose, pose_message, stamp, time_of
-from hpop.ros.observations import FilterScale, Grid, MessageAge, PeopleSeen, Transforms
+from hpop.ros.observations import FilterScale, MessageAge, OccupancyGrid, PeopleSeen, Transforms
 from hpop.ros.protocol import FIELDS, FRAME, NAME, POSES, TEXT
 from hpop.simulation.tracking import Command
 
@@ -138,8 +138,8 @@ class Hearing:
     def reset(self) -> None:
         """Forget transforms and what belongs to a connection."""
         self.transforms, self._people, self._age = Transforms(), PeopleSeen(), MessageAge()
-        self._grid: Grid | None = None
-        self._mask: Grid | None = None
+        self._grid: OccupancyGrid | None = None
+        self._mask: OccupancyGrid | None = None
         self._scale: FilterScale | None = None if self.known.info_topic else FilterScale()
 
     def hear(self, topic: str, message: Any, now: float) -> None:
@@ -153,7 +153,7 @@ class Hearing:
         elif topic == known.pose_topic:
             self._located(message, now)
         elif topic == known.map_topic:
-            self._grid = Grid.of(message, known.frame_id)
+            self._grid = OccupancyGrid.of(message, known.frame_id)
             self.follower.mapped(self._grid)
         elif known.map_topic and topic == f"{known.map_topic}_updates":
             if self._grid is None:
@@ -164,7 +164,7 @@ class Hearing:
             self.follower.saw(self._people.heard(message, known.frame_id, self.transforms, now), now)
         elif topic in (known.mask_topic, known.info_topic):
             if topic == known.mask_topic:
-                self._mask = Grid.of(message, known.frame_id)
+                self._mask = OccupancyGrid.of(message, known.frame_id)
             else:
                 self._scale = FilterScale.of(message)
             if self._mask is not None and self._scale is not None:

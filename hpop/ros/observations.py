@@ -1,4 +1,4 @@
-"""What a robot sees, from ROS messages: its pose by transforms, occupancy grids, filter masks, and people around it.
+"""Observations from ROS messages: transforms, occupancy grids, filter masks, and people around the robot.
 
 Messages are dictionaries, as rosbridge sends them. None is trusted: a :class:`RosError` names a wrong field.
 """
@@ -123,7 +123,7 @@ def _placed(pose: _Link | PlanarPose, x: float, y: float) -> tuple[float, float]
 
 
 @dataclass(frozen=True, eq=False)
-class Grid:
+class OccupancyGrid:
     """Occupancy grid: percent (H, W), or -1 for unknown cells; row 0 at the bottom.
 
     resolution  m
@@ -135,7 +135,7 @@ class Grid:
     origin: tuple[float, float, float]
 
     @classmethod
-    def of(cls, message: Any, frame: str) -> Grid:
+    def of(cls, message: Any, frame: str) -> OccupancyGrid:
         """Read a nav_msgs/OccupancyGrid, which must be in the frame ``frame``."""
         told = mapping(message, "a map")
         _check_frame(told, frame, "a map")
@@ -148,12 +148,10 @@ class Grid:
         cells = _cells(told.get("data"), width, height, "a map")
         return cls(cells, float(f"{resolution:.7g}"), origin[:3])  # of a float32
 
-    def updated(self, message: Any) -> Grid:
+    def updated(self, message: Any) -> OccupancyGrid:
         """Return the grid after a map_msgs/OccupancyGridUpdate."""
         told = mapping(message, "a map update")
-        x, y = (told.get(name) for name in "xy")
-        if not is_whole(x) or not is_whole(y) or x < 0 or y < 0:
-            raise RosError(f"x and y of a map update must be whole numbers from 0, got {shown((x, y))}")
+        x, y = (_size(told.get(name), f"{name} of a map update", least=0) for name in "xy")
         width, height = (_size(told.get(name), f"{name} of a map update") for name in ("width", "height"))
         rows, columns = self.cells.shape
         if y + height > rows or x + width > columns:
@@ -183,9 +181,9 @@ class Grid:
         return int(self.cells[row, column]) if 0 <= row < rows and 0 <= column < columns else -1
 
 
-def _size(value: Any, where: str) -> int:
-    if not is_whole(value) or not 0 < value <= MOST_CELLS:
-        raise RosError(f"{where} must be a whole number from 1 to {MOST_CELLS:,}, got {shown(value)}")
+def _size(value: Any, where: str, least: int = 1) -> int:
+    if not is_whole(value) or not least <= value <= MOST_CELLS:
+        raise RosError(f"{where} must be a whole number from {least} to {MOST_CELLS:,}, got {shown(value)}")
     return int(value)
 
 
@@ -239,7 +237,7 @@ class FilterScale:
         return limit if self.kind == 2 else 0.01 * limit * cruise
 
 
-def with_grid(world: World, grid: Grid | None, mask: Grid | None) -> World:
+def with_grid(world: World, grid: OccupancyGrid | None, mask: OccupancyGrid | None) -> World:
     """Return a scenario's world as a map and a keep-out mask show it.
 
     A world of cells takes its cells from the map. In a world of polygons, which may have heights, occupied cells
@@ -258,7 +256,7 @@ def with_grid(world: World, grid: Grid | None, mask: Grid | None) -> World:
     return world.with_content(people=content.people, groups=content.groups, landmarks=content.landmarks, zones=zones)
 
 
-def _of_cells(world: World, grid: Grid) -> World:
+def _of_cells(world: World, grid: OccupancyGrid) -> World:
     """Return a world of cells with those of a grid; values derived from unchanged cells are kept if the grids match."""
     before = world.raster
     assert before is not None

@@ -160,7 +160,7 @@ class GoalPlanner:
         self._check_free(world, begin, "start", ErrorCode.START_OUTSIDE_MAP, ErrorCode.START_OCCUPIED)
         self._check_free(world, finish, "goal", ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.GOAL_OCCUPIED)
         try:
-            asked = {"quanta": own.quanta, "horizon": own.horizon, "tour": tour}
+            asked: dict[str, Any] = {"quanta": own.quanta, "horizon": own.horizon, "tour": tour}
             problem = Problem(world, own.model, cast(Any, begin), finish, own.criteria, **asked)
             front = problem.solve(self.planners, progress=progress)
         except QueryError as error:  # free, but unreachable

@@ -263,28 +263,30 @@ class MessageServer:
 
     @property
     def offers(self) -> str:
-        """What is offered, for a line of text."""
-        raise NotImplementedError
+        """Offered actions, for a line of text."""
+        return ""
 
     def greetings(self) -> list[Message]:
         """Return the messages that open a connection."""
-        raise NotImplementedError
+        return []
 
     def farewells(self) -> list[Message]:
         """Return the messages that withdraw what is offered, before a connection is closed."""
-        raise NotImplementedError
+        return []
 
     def ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
         """Return the methods that handle incoming messages, by the message's ``op``; they may raise RosError."""
-        raise NotImplementedError
+        return {}
 
     def lost(self) -> None:
         """Drop all goals after the connection is lost, because the bridge has aborted them."""
-        raise NotImplementedError
+
+    def close(self) -> None:
+        """Stop serving, and end all threads."""
 
     @property
     def is_connected(self) -> bool:
-        """Whether there is a connection."""
+        """True while there is a connection."""
         return self._send is not None
 
     def connected(self, send: Callable[[str], None]) -> None:
@@ -292,9 +294,9 @@ class MessageServer:
 
         ``send`` sends a message; any thread may call it, and it raises nothing.
         """
-        self._send = send
         for message in self.greetings():
             send(encoded(message))
+        self._send = send
 
     def received(self, data: str | bytes) -> None:
         """Handle one incoming message; an invalid one is reported and ignored."""

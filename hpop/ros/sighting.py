@@ -13,7 +13,7 @@ import shapely
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.motions import States
 from hpop.ros.messages import PlanarPose
-from hpop.ros.observations import FilterScale, Grid, with_grid
+from hpop.ros.observations import FilterScale, OccupancyGrid, with_grid
 from hpop.ros.planning import GoalPlanner
 from hpop.world import Person, World
 
@@ -24,7 +24,7 @@ ABSENT = 1e5  # m: a person that far away has no effect
 
 
 class Sighting:
-    """What is known of the robot's pose and of the world around it. Times, s, are on the caller's clock.
+    """Latest knowledge of the robot's pose and of the world around it. Times, s, are on the caller's clock.
 
     planner  plans the goals, in the world of the scenario
     world    the world of the scenario, as the last map and keep-out mask show it
@@ -34,9 +34,9 @@ class Sighting:
         self.planner, self.world = planner, planner.problem.world
         self._pose: tuple[PlanarPose, float] | None = None
         self._people: tuple[tuple[Person, ...], float] | None = None
-        self._grid: Grid | None = None
-        self._keep_out: Grid | None = None
-        self._speeds: tuple[Grid, FilterScale] | None = None
+        self._grid: OccupancyGrid | None = None
+        self._keep_out: OccupancyGrid | None = None
+        self._speeds: tuple[OccupancyGrid, FilterScale] | None = None
 
     def forget(self) -> None:
         """Forget the pose and the people."""
@@ -51,12 +51,12 @@ class Sighting:
         """Take all people who are seen, as they were at a time, s."""
         self._people = tuple(people), at
 
-    def mapped(self, grid: Grid) -> None:
+    def mapped(self, grid: OccupancyGrid) -> None:
         """Take a map; RosError if it cannot be used."""
         self.world = with_grid(self.planner.problem.world, grid, self._keep_out)
         self._grid = grid
 
-    def filtered(self, mask: Grid, scale: FilterScale) -> None:
+    def filtered(self, mask: OccupancyGrid, scale: FilterScale) -> None:
         """Take the mask of a costmap filter: areas to keep out of, or speed limits."""
         if scale.kind:
             self._speeds = mask, scale
@@ -105,7 +105,7 @@ class Sighting:
         """
         if self._people is None or now - self._people[1] > PEOPLE_LAST:
             return False
-        times = np.arange(soon.size) * CHECKED
+        times = CHECKED * np.arange(soon.size, dtype=np.float64)
         here = self.planner.state_at(pose).take(np.zeros(soon.size, np.int64))
         parts = self.planner.problem.model.platform
         for person in (one.later(max(0.0, now - self._people[1])) for one in self._people[0]):

@@ -30,6 +30,25 @@ RESULTS = {
     "iron": "nav_msgs/Path path\nbuiltin_interfaces/Duration planning_time\nuint16 error_code\n",
     "jazzy": "nav_msgs/Path path\nbuiltin_interfaces/Duration planning_time\nuint16 error_code\nstring error_msg\n",
 }  # docs.ros.org, nav2_msgs/action/ComputePathToPose; NAME=value lines left out
+NAVIGATION = {"NavigateToPose": "", "NavigateThroughPoses": "int16 number_of_poses_remaining\n"}
+NAVIGATED = {
+    "humble": "std_msgs/Empty result\n",
+    "iron": "uint16 error_code\n",
+    "jazzy": "uint16 error_code\nstring error_msg\n",
+}  # results; nav2_msgs of ros-navigation/navigation2, branches of these names
+FED_BACK = (
+    "geometry_msgs/PoseStamped current_pose\nbuiltin_interfaces/Duration navigation_time\n"
+    "builtin_interfaces/Duration estimated_time_remaining\nint16 number_of_recoveries\nfloat32 distance_remaining\n"
+)
+OTHERS = {
+    "people_msgs/msg/Person": "string name\ngeometry_msgs/Point position\ngeometry_msgs/Point velocity\n"
+    "float64 reliability\nstring[] tagnames\nstring[] tags\n",
+    "people_msgs/msg/People": "std_msgs/Header header\npeople_msgs/Person[] people\n",
+    "map_msgs/msg/OccupancyGridUpdate": "std_msgs/Header header\nint32 x\nint32 y\nuint32 width\nuint32 height\n"
+    "int8[] data\n",
+    "nav2_msgs/msg/CostmapFilterInfo": "std_msgs/Header header\nuint8 type\nstring filter_mask_topic\nfloat32 base\n"
+    "float32 multiplier\n",
+}
 MUST = {
     "advertise": {"topic": str, "type": str},
     "unadvertise": {"topic": str},
@@ -50,6 +69,7 @@ class Goal:
     id: str
     client: Client
     feedback: int = 0
+    fed_back: Any = None
     status: int | None = None
     result: Any = None
 
@@ -71,6 +91,12 @@ class FakeBridge:
     def __init__(self, distribution: str = "jazzy", port: int = 0) -> None:
         self.store = get_typestore(Stores.ROS2_JAZZY)
         self.store.register(get_types_from_msg(RESULTS[distribution], f"{TYPE}_Result"))
+        self.store.register(get_types_from_msg("bool unused\n", f"{TYPE}_Feedback"))
+        for name, more in NAVIGATION.items():
+            for part, text in (("Result", NAVIGATED[distribution]), ("Feedback", FED_BACK + more)):
+                self.store.register(get_types_from_msg(text, f"nav2_msgs/action/{name}_{part}"))
+        for name, text in OTHERS.items():
+            self.store.register(get_types_from_msg(text, name))
         self.changed = Condition()
         self.clients: list[Client] = []
         self.connections = 0
@@ -158,7 +184,8 @@ class FakeBridge:
                 self.clients.remove(client)
                 for goal in client.goals.values():
                     if goal.status is None:
-                        goal.status, goal.result = ABORTED, self.populated(f"{TYPE}_Result", {})
+                        kind = client.actions.get(goal.id.split(":")[1], TYPE)
+                        goal.status, goal.result = ABORTED, self.populated(f"{kind}_Result", {})
                 self.changed.notify_all()
 
     def _take(self, client: Client, message: dict[str, Any]) -> None:
@@ -179,7 +206,7 @@ class FakeBridge:
         elif op == "unsubscribe":
             del client.heard[message["topic"]]
         elif op == "advertise_action":
-            assert message["type"] == TYPE
+            assert f"{message['type']}_Result" in self.store.fielddefs, message["type"]
             client.actions[message["action"]] = message["type"]
         elif op == "unadvertise_action":
             del client.actions[message["action"]]
@@ -190,14 +217,16 @@ class FakeBridge:
         assert message["action"] in client.actions, f"{message['action']} has not been advertised"
         goal = client.goals[message["id"]]
         assert goal.status is None, f"{op} for a goal that has ended"
+        kind = client.actions[message["action"]]
         if op == "action_feedback":
-            assert message["values"] == {}, "the feedback has no fields"
+            assert message["values"] == {} or kind != TYPE, "the feedback has no fields"
+            goal.fed_back = self.populated(f"{kind}_Feedback", message["values"])
             goal.feedback += 1
         elif message["result"]:
-            goal.result = self.populated(f"{TYPE}_Result", message["values"])
+            goal.result = self.populated(f"{kind}_Result", message["values"])
             goal.status = message["status"] if message["status"] in (SUCCEEDED, CANCELED) else ABORTED
         else:
-            goal.status, goal.result = ABORTED, self.populated(f"{TYPE}_Result", {})
+            goal.status, goal.result = ABORTED, self.populated(f"{kind}_Result", {})
 
     def populated(self, kind: str, values: Any) -> Any:
         """Return a message of a type: missing fields get ROS's defaults, unknown fields and other types are refused."""

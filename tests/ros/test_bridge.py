@@ -18,7 +18,7 @@ from hpop.ros import Bridge, Interface, PathServer, pose_message
 from hpop.ros.bridge import Pace
 from hpop.ros.messages import pose_stamped
 from hpop.ros.paths import MOST_POSES
-from hpop.ros.protocol import MOST_BYTES, GoalStatus, encoded, result, values_of
+from hpop.ros.protocol import MOST_BYTES, GoalStatus, MessageServer, encoded, result, values_of
 from tests.ros.bridge import ABORTED, SUCCEEDED, fake_bridge
 from tests.ros.conftest import DELAYS, running
 from tests.ros.test_action_server import ACTION, POSE, asked
@@ -182,9 +182,7 @@ def test_a_bridge_that_reads_nothing_is_left(monkeypatch, said):
     monkeypatch.setattr(hpop.ros.bridge, "SENDING", 0.05)
     over, calls = Event(), []
 
-    class Talking:
-        known = Interface()
-
+    class Talking(MessageServer):
         def connected(self, send) -> None:
             calls.append("connected")
             for _ in range(400):
@@ -198,7 +196,7 @@ def test_a_bridge_that_reads_nothing_is_left(monkeypatch, said):
 
     with serve(lambda connection: over.wait(PATIENCE), "127.0.0.1", 0, max_queue=1, close_timeout=0.1) as deaf:
         Thread(target=deaf.serve_forever, daemon=True).start()
-        made = Bridge(f"ws://127.0.0.1:{deaf.socket.getsockname()[1]}", Talking(), say=said, delays=DELAYS)
+        made = Bridge(f"ws://127.0.0.1:{deaf.socket.getsockname()[1]}", Talking(say=said), say=said, delays=DELAYS)
         thread = Thread(target=made.run)
         thread.start()
         while not any("no connection" in line for line in said):

@@ -15,7 +15,7 @@ from hpop.planners.lattice import Lattice
 from hpop.ros import Interface, PlanarPose, planar_pose
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
-from hpop.ros.observations import FilterScale, Grid
+from hpop.ros.observations import FilterScale, OccupancyGrid
 from hpop.world import Person
 from tests.ros.robot import AtOnce, Robot, Trip
 
@@ -45,13 +45,13 @@ def started(planner: FollowPlanner, settings: FollowSettings) -> Trip:
     return made
 
 
-def hall(*boxes: tuple[int, int, int, int]) -> Grid:
+def hall(*boxes: tuple[int, int, int, int]) -> OccupancyGrid:
     """Return the map of the hall with boxes (column, row, column, row) that are occupied."""
     cells = np.zeros((60, 80), np.int8)
     cells[:40, 38:42] = 100
     for left, low, right, high in boxes:
         cells[low:high, left:right] = 100
-    return Grid(cells, 0.1, (0.0, 0.0, 0.0))
+    return OccupancyGrid(cells, 0.1, (0.0, 0.0, 0.0))
 
 
 def least_gap(trip: Trip, *obstacles: shapely.Geometry) -> float:
@@ -215,10 +215,10 @@ def test_masks_close_areas_and_limit_the_speed(trip):
     assert FilterScale(2, 0.1, 0.01).speed(0, 1.0) == math.inf
 
 
-def replaced(grid: Grid, box: tuple[int, int, int, int], value: int) -> Grid:
+def replaced(grid: OccupancyGrid, box: tuple[int, int, int, int], value: int) -> OccupancyGrid:
     cells = np.zeros_like(grid.cells)
     cells[box[1] : box[3], box[0] : box[2]] = value
-    return Grid(cells, grid.resolution, grid.origin)
+    return OccupancyGrid(cells, grid.resolution, grid.origin)
 
 
 @pytest.mark.parametrize(
