@@ -41,8 +41,8 @@ SLOWEST = 0.05  # m/s, least speed limit of a mask that is kept
 
 
 @dataclass(eq=False)
-class _Drive:
-    """Drive along a plan: its law, when it began, s, and its executed states (n,), `CHECKED` s apart.
+class _UnderWay:
+    """Plan under way: its law, when it began, s, and its executed states (n,), `CHECKED` s apart.
 
     far   (n,) m driven until then
     open  (n,) whether nothing blocks the state in the present world; None after a change of the map
@@ -55,7 +55,7 @@ class _Drive:
     open: BoolArray | None = None
 
     @classmethod
-    def of(cls, trajectory: Trajectory, delay: float, begin: float) -> _Drive:
+    def of(cls, trajectory: Trajectory, delay: float, begin: float) -> _UnderWay:
         """Return the drive along a trajectory."""
         run = trajectory.execution()
         states = run.at(np.minimum(np.arange(0.0, run.duration + CHECKED, CHECKED), run.duration))
@@ -109,7 +109,7 @@ class Follower:
         self._halted = False
         self._goal: FollowGoal | None = None
         self._job: _Job | None = None
-        self._run: _Drive | None = None  # until the robot stands
+        self._run: _UnderWay | None = None  # until the robot stands
         self._began, self._next_try, self._took = 0.0, -math.inf, 0.5  # of planning
         self._offered: Front | None = None  # while the robot waits until an option is taken
         self._stood: PlanarPose | None = None  # place of the plan at which the robot stopped
@@ -264,7 +264,7 @@ class Follower:
                 self._end(True, "reached")
         return command
 
-    def _trouble(self, run: _Drive, now: float, pose: PlanarPose | None) -> str:
+    def _trouble(self, run: _UnderWay, now: float, pose: PlanarPose | None) -> str:
         """Return the reason why the robot must stop; "" if there is none."""
         if self._halted:
             return "told to stop"
@@ -361,7 +361,7 @@ class Follower:
         """Drive along a trajectory of the planned front, from a time on, s."""
         assert self._goal is not None
         trajectory = row.point.trajectory
-        self._run, self._why, self._offered = _Drive.of(trajectory, self.settings.delay, begin), "", None
+        self._run, self._why, self._offered = _UnderWay.of(trajectory, self.settings.delay, begin), "", None
         path = path_message(trajectory, frame_id=self.planner.known.frame_id)
         self._events.append(Planned(self._goal.id, path, {"goal": self._goal.id, **options_of(front, row)}))
         self.say(f"goal {self._goal.id}: drives {row}, {self._run.tracker.duration:.1f} s")
