@@ -17,6 +17,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import all_visits, missed_weights
 from hpop.errors import OptionError
+from hpop.goals.approach import split
 from hpop.motions import HOLD, States
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
@@ -39,23 +40,31 @@ class TourLegs(NamedTuple):
 
     legs   motions between these states, without holds; empty ones are left out
     holds  (number of legs + 1,)  s, time for which the robot stands before the first leg, between legs, and at the end
+    approaches  whether the last leg is a straight approach to the goal
     """
 
     legs: tuple[Trajectory, ...]
     holds: tuple[float, ...]
+    approaches: bool = False
 
     @classmethod
-    def of(cls, trajectory: Trajectory, visits: Sequence[float]) -> TourLegs:
-        """Cut a trajectory at its holds and at the times of its visits, s."""
+    def of(cls, trajectory: Trajectory, visits: Sequence[float], approach: int | None = None) -> TourLegs:
+        """Cut a trajectory at its holds, at the times of its visits, s, and where its straight approach begins.
+
+        approach  index of the motion with which the approach begins, holds not counted; None for no approach
+        """
         held = np.array([kind == HOLD.kind for kind in trajectory.kinds], dtype=bool)
         before = np.append(0, np.cumsum(~held))  # motions without holds before each state
         moving = trajectory.without_holds()
         seconds = np.zeros(len(moving) + 1)
         np.add.at(seconds, before[:-1][held], trajectory.durations[held])
         visited = np.searchsorted(trajectory.times, np.array(visits) - CLOCKED).clip(max=len(trajectory))
-        joints = sorted({0, len(moving), *np.flatnonzero(seconds).tolist(), *before[visited.astype(int)].tolist()})
+        last = len(moving) if approach is None else approach
+        joints = sorted(
+            {0, last, len(moving), *np.flatnonzero(seconds).tolist(), *before[visited.astype(int)].tolist()}
+        )
         legs = tuple(_part(moving, begin, end) for begin, end in pairwise(joints))
-        return cls(legs, tuple(seconds[joints].tolist()))
+        return cls(legs, tuple(seconds[joints].tolist()), last < len(moving))
 
     def joined(self, legs: Sequence[Trajectory]) -> Trajectory:
         """Return the tour with other legs, which must have the ends of its own legs; holds stay."""
@@ -98,14 +107,23 @@ def _part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
 
 
 def improved_tours(
-    name: str, planner: Starting, problem: Problem, progress: ProgressCallback | None, executor: Executor | None
+    name: str,
+    planner: Starting,
+    problem: Problem,
+    progress: ProgressCallback | None,
+    executor: Executor | None,
+    *,
+    keeps: bool = False,
 ) -> Candidates:
     """Improve each leg of known tours by a planner of nonlinear programs, and return the tours with the new legs.
 
-    A leg is the part of a tour between two stops or holds. The states at which stops are visited, their order and all
-    holds stay. Known tours that do not complete their visits are left out. A leg that several tours share is improved
-    once. A leg without a result, also because of a time limit or Ctrl-C, stays as it was, and a note says so. All costs
-    are evaluated along whole tours.
+    A leg is the part of a tour between two stops or holds. The states at which stops are visited, their order, all
+    holds and a straight approach to the goal stay. Known tours that do not complete their visits are left out. A leg
+    that several tours share is improved once. A leg without a result, also because of a time limit or Ctrl-C, stays as
+    it was, and a note says so. If the planner returns several results for legs, there is a tour with the first of each,
+    one with the second (or last), and so on. All costs are evaluated along whole tours.
+
+    keeps  whether the known tours are returned too
     """
     assert problem.tour is not None
     refuse_moving(problem, f"{name} on a tour")
@@ -115,15 +133,17 @@ def improved_tours(
     if known.interrupted is not None:
         return known.interrupted
     visits = all_visits(problem.tour, problem.world, known.trajectories, missed_weights(problem.criteria))
+    whole = [tour for tour, found in zip(known.trajectories, visits, strict=True) if found.complete]
+    approach = [split(problem.target, tour.without_holds(), problem.world) for tour in whole]
     tours = [
-        TourLegs.of(trajectory, [visit.begin for visit in found.visits])
-        for trajectory, found in zip(known.trajectories, visits, strict=True)
-        if found.complete
+        TourLegs.of(tour, [visit.begin for visit in found.visits], last)
+        for tour, found, last in zip(whole, (found for found in visits if found.complete), approach, strict=True)
     ]
     criteria = [criterion for criterion in problem.criteria if criterion.role != "stops_missed"]
+    fixed = {motions_key(tour.legs[-1]) for tour in tours if tour.approaches}
     legs = {motions_key(leg): leg for tour in tours for leg in tour.legs}
-    todo = [key for key, leg in legs.items() if _moves(leg)]
-    improved: dict[Any, Trajectory] = {}
+    todo = [key for key, leg in legs.items() if _moves(leg) and key not in fixed]
+    improved: dict[Any, list[Trajectory]] = {}
     notes, tried, status = Counter[str](), 0, known.status
     for key in todo:
         left = watch.left
@@ -135,27 +155,33 @@ def improved_tours(
             status = found.status
             break
         tried += 1
-        improved |= {key: found.trajectories[0]} if found.trajectories else {}
+        if better := [each for each in found.trajectories if motions_key(each) != key]:
+            improved[key] = better
         notes.update(found.notes)
         watch.report(tried, len(todo) - tried, 0)
-    trajectories = tuple(
-        tour.joined([improved.get(motions_key(leg), leg) for leg in tour.legs]) for tour in tours if tour.legs
-    )
+    trajectories, origins = list[Trajectory](), list[dict[str, Any]]()
+    for i, (known_tour, tour) in enumerate(zip(whole, tours, strict=True)):
+        choices = [improved.get(motions_key(leg), [leg]) for leg in tour.legs]
+        count = max(map(len, choices), default=0)
+        trajectories += [tour.joined([each[min(k, len(each) - 1)] for each in choices]) for k in range(count)]
+        trajectories += [known_tour] * keeps
+        origins += [{"warm_start": i}] * count + [{"warm_start": i, "known": True}] * keeps
     costs = trajectory_costs(objectives.optimised, trajectories, problem.world)
+    claim = "proved free of collisions, a local improvement" if keeps else "a local optimum near its warm start"
     failed, untried = tried - len(improved), len(todo) - tried
     accepted = trusted(
         Candidates(
             objectives=objectives.optimised,
-            trajectories=trajectories,
+            trajectories=tuple(trajectories),
             planned=costs,
             tolerance=np.zeros_like(costs),
             status=status,
             certificate=(
-                f"{name}: tours improved leg by leg, {problem.tour.words}: each improved leg is a local optimum near "
-                "its warm start with fixed ends; states at stops and their order are those of the warm starts, so "
-                f"better tours may exist{objectives.certificate}"
+                f"{name}: tours improved leg by leg, {problem.tour.words}: each improved leg is {claim} with fixed ends"
+                "; states at stops and their order are those of the warm starts, so better tours may exist"
+                f"{objectives.certificate}"
             ),
-            provenance=tuple({"warm_start": i} for i in range(len(trajectories))),
+            provenance=tuple(origins),
             notes=(
                 *objectives.notes,
                 *known.notes,
@@ -173,8 +199,9 @@ def improved_tours(
 
 
 def _moves(leg: Trajectory) -> bool:
-    """Return whether a leg changes its position, so that a program can improve it."""
-    return bool(np.ptp(leg.states.x) + np.ptp(leg.states.y) > 0.0)
+    """Return whether a leg changes its position or, without a base, its joints, so that a program can improve it."""
+    names = {"x", "y"} & {*leg.model.space.names} or leg.model.space.names
+    return any(np.ptp(getattr(leg.states, name)) > 0.0 for name in names)
 
 
 def _improved(

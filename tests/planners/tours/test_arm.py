@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise, permutations
 
 import numpy as np
@@ -63,3 +64,24 @@ def test_a_target_out_of_the_arms_reach_is_told_with_its_stop() -> None:
     asked = hpop.Problem(WORLD, arm6(), HOME, HOME, ["duration"], tour=Tour(stops))
     with pytest.raises(hpop.errors.QueryError, match="stop 'far' cannot be visited"):
         asked.solve("roadmap", samples=10)
+
+
+@pytest.mark.proof
+def test_splines_between_stops_are_better_and_stops_and_dwells_stay() -> None:
+    asked = replace(problem("any"), criteria=["duration", "rotation"])
+    warm = asked.solve("roadmap", samples=30)
+    front = asked.solve("spline", warm_start=warm, pieces=4)
+    assert verify(asked, front) == []
+    assert "leg by leg" in front.certificate
+    for point, origin in zip(front, front.provenance, strict=True):
+        before = origin["warm_start"]
+        assert (point.costs["rotation"] - warm.costs[before, 1]) < -0.1 * warm.costs[before, 1]
+        assert point.costs["duration"] <= warm.costs[before, 0] + 1e-6
+        old = warm.provenance[before]["visits"]
+        assert [visit["stop"] for visit in origin["visits"]] == [visit["stop"] for visit in old]
+        for visit, earlier in zip(origin["visits"], old, strict=True):
+            assert visit["end"] - visit["begin"] == pytest.approx(0.5)
+            there = point.trajectory.at(np.array([visit["begin"], visit["end"]]))
+            then = warm.trajectories[before].at(np.array([earlier["begin"]]))
+            for name in asked.model.space.names:
+                assert getattr(there, name) == pytest.approx(np.repeat(getattr(then, name), 2), abs=1e-6)

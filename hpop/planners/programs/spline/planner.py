@@ -24,6 +24,7 @@ from hpop.planners.programs.nlp import minimised
 from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome, Tally
 from hpop.planners.programs.spline.job import CUT_SHORT, SplineJob
 from hpop.planners.programs.spline.knots import PieceCosts
+from hpop.planners.programs.tour_legs import improved_tours
 from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.spending import Spending
 from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
@@ -54,7 +55,7 @@ class Spline:
     knots, slopes and the total time. In it, distances between bodies are linearised, and costs are replaced by a convex
     quadratic approximation. A step is accepted only if the evaluated costs are lower, and if the collision model proves
     that the spline is free throughout. So every step is a valid trajectory. A straight approach at the end of a path
-    stays as it is.
+    stays as it is. A tour is improved leg by leg, with the states at its stops fixed.
 
     The first results are the paths, as their planner finds them. After a limit or Ctrl-C, the result has all paths and
     all splines proved so far. Workers return the splines of a path together: at Ctrl-C those of unfinished paths are
@@ -73,6 +74,7 @@ class Spline:
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})
     goal_sets: ClassVar[bool] = True
     any_goal: ClassVar[bool] = True
+    tours: ClassVar[bool] = True
 
     pieces: int = 12
     minimise: str | None = None
@@ -116,6 +118,9 @@ class Spline:
         After Ctrl-C or the time limit, the last result has all paths and all splines proved free, also those of the
         path in progress. Raises the errors of :meth:`solve`.
         """
+        if problem.tour is not None:
+            yield improved_tours(NAME, self, problem, progress, executor, keeps=True)
+            return
         spending = Spending(self.budget(), spent=problem.read_seconds)
         objectives = edge_objectives(problem.criteria, NAME)
         criteria = objectives.optimised
