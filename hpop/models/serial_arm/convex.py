@@ -1,4 +1,4 @@
-"""Convex hulls of meshes: whether a mesh is convex, how deep its hollows are, and simpler hulls that enclose others."""
+"""Triangles of meshes, their hulls, whether they are convex, how deep hollows are, and simpler hulls around others."""
 
 from __future__ import annotations
 
@@ -26,6 +26,38 @@ SAMPLES = 20_000
 """Points on a mesh from which the distance of its hull is computed."""
 SLACK = 1e-9
 """Distance, m, by which planes of a simpler hull are moved outwards, for floating-point errors."""
+LARGE = 1_000_000
+"""Number of faces beyond which a hull is enclosed without being computed, and gaps are measured on some faces."""
+SAME = 1e-6
+"""Tolerance for equal vertices, as a share of a mesh's size; many files repeat the vertices for each face."""
+
+
+class Surface(NamedTuple):
+    """Triangles of a mesh, unless there are very many without repeated vertices, flat faces or repeated faces.
+
+    vertices  (V, 3)  m
+    faces     (F, 3)  numbers of the vertices
+    """
+
+    vertices: FloatArray
+    faces: IntArray
+
+    @property
+    def corners(self) -> FloatArray:
+        """Return the corners (F, 3, 3) of the faces, m."""
+        corners: FloatArray = self.vertices[self.faces]
+        return corners
+
+    @property
+    def volume(self) -> float:
+        """Return the volume, m³, that the triangles enclose; negative if they are turned inwards."""
+        middle, parts = self.vertices.mean(axis=0), np.array_split(self.faces, 1 + len(self.faces) // LARGE)
+        wedges = ((self.vertices[part] - middle).transpose(1, 0, 2) for part in parts)
+        return sum(float(np.einsum("ij,ij->", np.cross(a, b), c)) for a, b, c in wedges) / 6
+
+    def thinned(self) -> Surface:
+        """Return these triangles, or evenly chosen ones if there are very many."""
+        return self._replace(faces=self.faces[:: 1 + len(self.faces) // LARGE])
 
 
 class ConvexBody(NamedTuple):
@@ -160,15 +192,60 @@ def enclosing(body: ConvexBody, most: int = MOST_CORNERS) -> ConvexBody:
     return body if larger is None else larger
 
 
+def around(points: FloatArray) -> ConvexBody | None:
+    """Return a convex body with few corners that encloses very many points (N, 3); None if they are in one plane.
+
+    Its faces have the directions of those of a simple body around some of the points, and lie beyond all of them.
+    """
+    from scipy.spatial import HalfspaceIntersection  # slow to import
+
+    ends = np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])
+    if (inner := convex_body(np.concatenate([points[:: 1 + len(points) // SAMPLES], points[ends]]))) is None:
+        return None
+    planes = _supporting(_unlike(enclosing(inner).planes)[:, :3], points)
+    corners = HalfspaceIntersection(planes, inner.points.mean(axis=0)).intersections
+    return convex_body(corners[np.isfinite(corners).all(axis=1)])
+
+
 def _supporting(normals: FloatArray, points: FloatArray) -> FloatArray:
     """Return the planes (P, 4) with these normals that all points are behind; they touch the points but for a slack."""
-    return np.column_stack([normals, -(points @ normals.T).max(axis=0) - SLACK])
+    parts = np.array_split(points, 1 + len(points) * len(normals) // 10**7)
+    farthest = np.maximum.reduce([(part @ normals.T).max(axis=0) for part in parts])
+    return np.column_stack([normals, -farthest - SLACK])
 
 
 def _unlike(planes: FloatArray) -> FloatArray:
     """Return planes without repetitions, as of the triangles of one flat face."""
     _, first = np.unique(np.round(planes, 6), axis=0, return_index=True)
     return planes[np.sort(first)]
+
+
+def merge_vertices(vertices: FloatArray, faces: IntArray, same: float = SAME) -> tuple[FloatArray, IntArray]:
+    """Return the vertices (V, 3) and faces (F, 3) of a mesh without repeated vertices, flat faces or repeated faces.
+
+    same  vertices of one cell of a grid with cells of this share of the mesh's size count as repeated
+    """
+    size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
+    first, number = _unique_rows(np.rint(vertices / (same * size)))
+    corners = number[faces]
+    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
+    once, _ = _unique_rows(np.sort(corners[solid], axis=1))
+    kept = corners[solid][np.sort(once)]
+    used, places = np.unique(kept, return_inverse=True)
+    return vertices[first][used], places.reshape(-1, 3)
+
+
+def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
+    """Return the first row of each kind among rows (N, 3) of whole numbers, by index, and the kind (N,) of each row.
+
+    Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time.
+    """
+    if len(rows) and (apart := rows - rows.min(axis=0)).max() < 1 << 21:
+        keys = apart.astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
+        _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
+    else:
+        _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+    return first, kind.reshape(-1)
 
 
 def pieces_of(faces: IntArray) -> int:

@@ -15,38 +15,36 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.arrays import FloatArray
 from hpop.base.text import printable, shown
 from hpop.errors import MapError, ModelError, did_you_mean
-from hpop.models.serial_arm.convex import ConvexBody, convex_body, depth, enclosing, gap, is_convex, pieces_of
+from hpop.models.serial_arm.convex import (
+    LARGE,
+    ConvexBody,
+    Surface,
+    around,
+    convex_body,
+    depth,
+    enclosing,
+    gap,
+    is_convex,
+    merge_vertices,
+    pieces_of,
+)
 from hpop.models.serial_arm.urdf import Robot, UrdfMesh
 from hpop.models.serial_arm.xml import XmlFile, file_bytes
 from hpop.runtime.limits import one_numpy_thread
 from hpop.world.files import extract, sha256
 from hpop.world.geometry.solids import Hull
 
-MOST_BYTES = 50_000_000
-"""Largest mesh file that is read."""
-SAME = 1e-6
-"""Tolerance for equal vertices, as a share of a mesh's size; many files repeat the vertices for each face."""
+MOST_BYTES = 100_000_000
+"""Largest mesh file that is read, unless it is a binary STL file."""
+SMALL = 50_000_000
+"""Size of files up to which trimesh joins vertices before hpop does."""
+MOST_STL_BYTES = 500_000_000
+HEADER, FACE = 84, np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""Bytes before the faces of a binary STL file, and a face."""
 KINDS = ("stl", "obj", "ply", "off", "dae")
-
-
-class Surface(NamedTuple):
-    """Triangles of a mesh, without repeated vertices, flat faces or repeated faces.
-
-    vertices  (V, 3)  m
-    faces     (F, 3)  numbers of the vertices
-    """
-
-    vertices: FloatArray
-    faces: IntArray
-
-    @property
-    def corners(self) -> FloatArray:
-        """Return the corners (F, 3, 3) of the faces, m."""
-        corners: FloatArray = self.vertices[self.faces]
-        return corners
 
 
 def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path:
@@ -114,8 +112,14 @@ def read_surface(data: bytes, path: Path, scale: FloatArray, most_faces: int) ->
     try:
         if kind == "dae":
             import collada  # noqa: F401  # trimesh reads by it; installed by the extra hpop[arm]
-        mesh: Any = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=True, skip_materials=True)
-        faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, float)
+        if len(data) > LARGE * FACE.itemsize and _is_binary_stl(data, kind):  # in a third of trimesh's memory
+            vertices = np.frombuffer(data, FACE, offset=HEADER)["corners"].reshape(-1, 3).astype(float)
+            faces = np.arange(len(vertices)).reshape(-1, 3)
+        else:
+            mesh: Any = trimesh.load(
+                io.BytesIO(data), file_type=kind, force="mesh", process=len(data) <= SMALL, skip_materials=True
+            )
+            faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, float)
     except ImportError:
         raise mesh_error(path, "reading a .dae file needs pycollada; run pip install 'hpop[arm]'") from None
     except Exception as error:  # trimesh may raise any error for a damaged file
@@ -127,14 +131,20 @@ def read_surface(data: bytes, path: Path, scale: FloatArray, most_faces: int) ->
         raise mesh_error(
             path,
             f"expected 1 to {most_faces:,} faces, found {len(faces):,}; decimate it (trimesh's "
-            "simplify_quadric_decimation, MeshLab and Blender do)" + ", or give meshes: hull" * (most_faces < 10**6)
+            "simplify_quadric_decimation, MeshLab and Blender do)" + ", or give meshes: hull" * (most_faces < LARGE)
             if len(faces)
             else f"expected 1 to {most_faces:,} faces, found none; export the mesh again",
         )
     if not np.isfinite(vertices).all():
         raise mesh_error(path, "its coordinates must be finite numbers")
-    joined = _merge_vertices(vertices, faces)
-    return Surface(joined[0] * (unit * scale), joined[1])
+    if len(faces) <= LARGE:
+        vertices, faces = merge_vertices(vertices, faces)
+    return Surface(vertices * (unit * scale), faces)
+
+
+def _is_binary_stl(data: bytes, kind: str) -> bool:
+    """Return whether the bytes of a file are those of a binary STL file with the number of faces that it says."""
+    return kind == "stl" and len(data) == HEADER + FACE.itemsize * int.from_bytes(data[HEADER - 4 : HEADER], "little")
 
 
 def _collada_unit(path: Path) -> float:
@@ -144,31 +154,6 @@ def _collada_unit(path: Path) -> float:
     return 1.0 if unit is None else file.number("its unit", unit)
 
 
-def _merge_vertices(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the vertices (V, 3) and faces (F, 3) of a mesh without repeated vertices, flat faces or repeated faces."""
-    size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
-    first, number = _unique_rows(np.rint(vertices / (SAME * size)))
-    corners = number[faces]
-    solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
-    once, _ = _unique_rows(np.sort(corners[solid], axis=1))
-    kept = corners[solid][np.sort(once)]
-    used, places = np.unique(kept, return_inverse=True)
-    return vertices[first][used], places.reshape(-1, 3)
-
-
-def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first row of each kind among rows (N, 3) of whole numbers, by index, and the kind (N,) of each row.
-
-    Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time.
-    """
-    if len(rows) and (apart := rows - rows.min(axis=0)).max() < 1 << 21:
-        keys = apart.astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
-        _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
-    else:
-        _, first, kind = np.unique(rows, axis=0, return_index=True, return_inverse=True)
-    return first, kind.reshape(-1)
-
-
 def mesh_error(path: Path, said: str) -> ModelError:
     """Return a ModelError about a mesh file."""
     return ModelError(f"the mesh {shown(str(path), 400)}: {said}")
@@ -176,16 +161,24 @@ def mesh_error(path: Path, said: str) -> ModelError:
 
 def mesh_bytes(path: Path) -> bytes:
     """Return the bytes of a mesh file; ModelError if it cannot be read or is too large."""
-    return file_bytes(path, "mesh", MOST_BYTES)
+    kind = path.suffix[1:].lower()
+    data = file_bytes(path, "mesh", MOST_STL_BYTES if kind == "stl" else MOST_BYTES)
+    if len(data) > MOST_BYTES and not _is_binary_stl(data, kind):
+        raise mesh_error(path, f"a text of at most {MOST_BYTES // 10**6} MB is read; save it as binary STL")
+    return data
 
 
 Way = Literal["hull", "decompose", "exact"]
 WAYS: tuple[Way, ...] = ("hull", "decompose", "exact")
 """Ways to treat meshes that are not convex: their hull, a decomposition into convex pieces, or an error."""
-MOST_FACES = {"exact": 20_000, "hull": 1_000_000, "decompose": 1_000_000}
+MOST_FACES = {"exact": 20_000, "hull": 10_000_000, "decompose": 10_000_000}
 """Largest number of faces of a mesh, by the way it is treated."""
+COARSE = 1 / 100
+"""Cells, as a share of a mesh's size, whose vertices are joined in a mesh with very many faces before it is cut."""
 FINE = 20_000
 """Number of faces up to which the hull of a convex mesh is not simplified."""
+FEW = 64
+"""Number of corners of the simple bodies by which the pieces of very many faces are chosen."""
 MOST_BODIES = 64
 """Largest number of convex pieces of a mesh."""
 MOST_PIECES = 16
@@ -303,9 +296,9 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
     """
     surface = read_surface(data, path, scale, MOST_FACES[way])
     whole = _solid(surface.vertices, path)
-    if is_convex(surface.corners, whole):
+    if is_convex(surface.thinned().corners, whole):
         return MeshHulls((Hull(_simple(surface, whole).points),))
-    if (pieces := _convex_pieces(surface, path)) is not None:
+    if len(surface.faces) <= LARGE and (pieces := _convex_pieces(surface, path)) is not None:
         return MeshHulls(tuple(Hull(piece.points) for piece in pieces))
     if way == "exact":
         raise mesh_error(
@@ -323,15 +316,19 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
 def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
     """Return at most 16 convex bodies that together contain the surface of a mesh; or none, and the reason.
 
-    CoACD cuts the mesh, in a process of its own with limits of time and memory. Its pieces may leave out parts of the
-    surface. So each triangle is given to the piece that it sticks out of least, and this piece grows to contain it.
+    CoACD cuts the mesh, in a process of its own with limits of time and memory; vertices of a mesh with very many faces
+    are joined before. Its pieces may leave out parts of the surface. So each triangle of the mesh is given to the piece
+    that it sticks out of least, and this piece grows to contain it.
     """
     if importlib.util.find_spec("coacd") is None:
         raise ModelError(
             "meshes: decompose needs coacd, which is not installed; run pip install 'hpop[arm]', or give meshes: hull"
         )
-    data = surface.vertices.astype("<f8").tobytes() + surface.faces.astype("<i8").tobytes()
-    options = {"vertices": len(surface.vertices), "most": MOST_PIECES}
+    if large := len(surface.faces) > LARGE:
+        surface = Surface(*merge_vertices(*surface))
+    vertices, faces = merge_vertices(*surface, COARSE) if large else surface
+    data = vertices.astype("<f8").tobytes() + faces.astype("<i8").tobytes()
+    options = {"vertices": len(vertices), "most": MOST_PIECES}
     try:
         answer = extract("pieces", path, data, options)
     except MapError:
@@ -340,12 +337,13 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
     pieces = [body for part in np.split(answer.arrays["points"], ends) if (body := convex_body(part)) is not None]
     if not pieces:
         return [], "no pieces found, "
-    beyond = [_farthest(surface, body) for body in pieces]
+    beyond = [_farthest(surface, enclosing(body, FEW) if large else body) for body in pieces]
     owner = np.argmin(beyond, axis=0)
     grown = []
     for number, body in enumerate(pieces):
         corners = surface.corners[owner == number].reshape(-1, 3)
-        grown.append(enclosing(_solid(np.concatenate([body.points, corners]), path)))
+        within = np.concatenate([body.points, corners])
+        grown.append((around(within) if large else None) or enclosing(_solid(within, path)))
     return grown, ""
 
 
@@ -360,9 +358,8 @@ def _farthest(surface: Surface, body: ConvexBody) -> FloatArray:
 
 def _filled(surface: Surface, bodies: Sequence[ConvexBody], reason: str) -> MeshHulls:
     """Return convex bodies that stand for a mesh, with what they add to it; ``reason`` begins the words on that."""
-    widest = gap(surface.corners, bodies[0]) if len(bodies) == 1 else 0.0
-    a, b, c = (surface.corners - surface.vertices.mean(axis=0)).transpose(1, 0, 2)
-    volume, filled = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6, sum(body.volume for body in bodies)
+    widest = gap(surface.thinned().corners, bodies[0]) if len(bodies) == 1 else 0.0
+    volume, filled = abs(surface.volume), sum(body.volume for body in bodies)
     share = f"+{100 * (filled / volume - 1):.0f} % volume, " if 0 < volume <= filled else ""
     pieces = tuple(Hull(body.points) for body in bodies)
     what = f"gaps up to {1000 * widest:.2g} mm" if len(bodies) == 1 else f"{len(bodies)} pieces"
@@ -391,8 +388,11 @@ def _convex_pieces(surface: Surface, path: Path) -> list[ConvexBody] | None:
 
 
 def _solid(points: FloatArray, path: Path) -> ConvexBody:
-    """Return the convex hull of points (N, 3); ModelError, about the file ``path``, if they are in one plane."""
-    body = convex_body(points)
+    """Return the convex hull of points (N, 3); a body around it if they are very many.
+
+    Raises ModelError, about the file ``path``, if they are in one plane.
+    """
+    body = around(points) if len(points) > LARGE else convex_body(points)
     if body is None:
         raise mesh_error(
             path, "a mesh must be a solid, but it is flat or has fewer than four vertices; use a thin box instead"

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
+import os
+from typing import Any
+
 import numpy as np
 import pytest
 
 from hpop.errors import ModelError
 from hpop.models import SerialArm
-from hpop.models.serial_arm.convex import DEEPEST, EXACT, MOST_CORNERS, convex_body, depth, enclosing, is_convex
-from hpop.models.serial_arm.meshes import MOST_BYTES
+from hpop.models.serial_arm.convex import (
+    DEEPEST,
+    EXACT,
+    LARGE,
+    MOST_CORNERS,
+    around,
+    convex_body,
+    depth,
+    enclosing,
+    is_convex,
+)
+from hpop.models.serial_arm.meshes import MOST_BYTES, MOST_STL_BYTES
 from tests.models.serial_arm.arms import CRANE
 
 trimesh = pytest.importorskip("trimesh")
@@ -121,17 +134,51 @@ def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, sai
 
 def test_a_mesh_that_is_too_large_is_to_be_decimated(tmp_path):
     with (tmp_path / "big.stl").open("wb") as file:
-        file.truncate(MOST_BYTES + 1)
+        file.truncate(MOST_STL_BYTES + 1)
     with pytest.raises(ModelError, match=r"big.stl' cannot be opened: expected at most .*; make it smaller \(decimate"):
         with_mesh(tmp_path, "big.stl")
-    head = (
-        "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
-    )
-    head += "element face 1000001\nproperty list uchar int vertex_indices\nend_header\n"
-    faces = np.array([(3, (0, 1, 2))] * 2, [("count", "u1"), ("of", "<i4", 3)])[:1].repeat(1_000_001)
-    (tmp_path / "many.ply").write_bytes(head.encode() + np.eye(3, dtype="<f4").tobytes() + faces.tobytes())
-    with pytest.raises(ModelError, match=r"expected 1 to 1,000,000 faces, found 1,000,001; decimate it .*do\)$"):
-        with_mesh(tmp_path, "many.ply")
+    os.truncate(tmp_path / "big.stl", MOST_BYTES + 1)
+    with pytest.raises(ModelError, match=r"big.stl': a text of at most 100 MB is read; save it as binary STL"):
+        with_mesh(tmp_path, "big.stl")
+
+
+def outside(hull: Any, points: np.ndarray) -> float:
+    """Return how far points stick out of the convex hull of others, by trimesh."""
+    mesh = trimesh.convex.convex_hull(np.asarray(hull.points))
+    return float(max(((part - mesh.triangles_center) * mesh.face_normals).sum(axis=1).max() for part in points))
+
+
+def bent_tube(count: int) -> trimesh.Trimesh:
+    """Return a bent tube with uneven walls, of some 2 * count * count faces."""
+    u, v = np.meshgrid(np.linspace(0, 3.8, count), np.linspace(0, 2 * np.pi, count, endpoint=False), indexing="ij")
+    thick = 0.05 + 0.005 * np.sin(20 * u)
+    across = 0.2 + thick * np.cos(v)
+    points = np.stack([across * np.cos(u), across * np.sin(u), thick * np.sin(v)], axis=-1).reshape(-1, 3)
+    row, column = np.arange(count - 1)[:, None] * count, np.arange(count)
+    a, b = (row + column).ravel(), (row + (column + 1) % count).ravel()
+    return trimesh.Trimesh(points, np.concatenate([np.c_[a, a + count, b], np.c_[b, a + count, b + count]]))
+
+
+def test_a_body_around_very_many_points_contains_them_and_is_close_to_their_hull():
+    points = bent_tube(100).vertices
+    body = around(points)
+    assert len(body.points) < 400
+    assert outside(body, points) < 1e-8
+    assert 0.0 < body.volume / trimesh.convex.convex_hull(points).volume - 1.0 < 0.02
+    assert around(points * (1, 1, 0)) is None
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("way", ["hull", "decompose"])
+def test_a_mesh_of_more_than_a_million_faces_is_within_its_pieces(tmp_path, way):
+    tube = bent_tube(750)
+    trimesh.Trimesh(1000.0 * tube.vertices, tube.faces, process=False).export(tmp_path / "tube.stl")
+    arm = with_mesh(tmp_path, "tube.stl", meshes=way)
+    assert len(tube.faces) > LARGE
+    (note,) = [note for note in arm.notes if "tube.stl" in note]
+    assert "gaps up to 1" in note if way == "hull" else " pieces)" in note
+    middles = tube.triangles_center[::499]
+    assert max(min(outside(hull, point[None]) for hull in jibs(arm)) for point in middles) < 1e-7
 
 
 def test_a_concave_mesh_is_refused_with_how_deep_it_is(tmp_path):
