@@ -1,4 +1,4 @@
-"""Output of the list commands such as ``hpop criteria``, and of ``hpop explain``, which explains printed words."""
+"""Output of the list commands such as ``hpop criteria``, and of ``hpop explain``: words, and why a front is so."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import dataclasses
 import inspect
 import re
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from rich.console import Console
@@ -16,7 +17,9 @@ from hpop.base import registry
 from hpop.base.registry import GROUPS, Registry
 from hpop.base.text import shown
 from hpop.cli.glossary import entries
-from hpop.errors import HpopError, UnknownName, did_you_mean
+from hpop.cli.report import header, number, plain_table, print_wide
+from hpop.cli.results import loaded, problem_of
+from hpop.errors import HpopError, OptionError, UnknownName, did_you_mean
 
 
 def print_criteria(console: Console | None = None) -> None:
@@ -160,3 +163,38 @@ def _registered(word: str) -> Iterator[str]:
                 item = each[name]
                 text = re.sub(r":\w+:`~?([^`]+)`|``([^`]+)``", r"\1\2", inspect.cleandoc(item.__doc__ or ""))
                 yield "\n".join(filter(None, [f"{name}, a {each.kind}: {declared(item)}".rstrip(": "), "", text]))
+
+
+def print_why(
+    folder: Path, through: str | None, wish: str | None, than: str | None, console: Console | None = None
+) -> None:
+    """Print why no path of a saved front passes somewhere, or has less of a cost, with the costs that are compared."""
+    console = console or Console()
+    path, front = loaded(folder)
+    problem = problem_of(path, front)
+    answer = front.why_not(through=through, wish=None if wish is None else _wish(wish), than=than, problem=problem)
+    console.print(Text(answer.sentence))
+    if answer.best is not None:
+        table = plain_table()
+        for words in (Text(), *map(header, front.names, front.units)):
+            table.add_column(words, justify="right" if words.plain else "left", no_wrap=True)
+        best, quanta = answer.best.costs, dict(zip(front.names, front.quanta.tolist(), strict=True))
+        row = {name: best[name] - answer.numbers[name] for name in front.names}
+        costs = {"best path": best, f"row {answer.row}": row, "difference": answer.numbers}
+        for what, values in costs.items():
+            cells = {name: number(values[name], quanta[name]) for name in front.names}
+            signed = {
+                name for name, cell in cells.items() if what == "difference" and values[name] > 0.0 and cell != "0"
+            }
+            table.add_row(what, *(f"+{cell}" if name in signed else cell for name, cell in cells.items()))
+        print_wide(console, table)
+    console.print(Text(f"{answer.front.certificate}"))
+
+
+def _wish(text: str) -> str | dict[str, float]:
+    """Return a wish in words, or the bound of "turns=3"; OptionError if the bound is no number."""
+    name, equals, bound = text.partition("=")
+    try:
+        return {name.strip(): float(bound)} if equals else text
+    except ValueError:
+        raise OptionError(f"--wish must be words, or a bound such as turns=3, got {shown(text)}") from None

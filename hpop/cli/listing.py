@@ -76,16 +76,34 @@ def formats(imports: tuple[str, ...]) -> None:
 
 
 @click.command()
-@click.argument("word", required=False)
+@click.argument("word", required=False, metavar="[WORD|FOLDER]")
+@click.option(
+    "--through",
+    metavar="PLACE",
+    help='Why no path passes there: "left of NAME", "between NAME and NAME", a zone, x,y, or corners x,y x,y x,y.',
+)
+@click.option(
+    "--wish", metavar="WISH", help='Why no path has less of a cost: "fewer turns", hurry, or a bound, turns=3.'
+)
+@click.option("--than", metavar="ROW", help="Row of the front to compare with, by number or name.")
 @imports_option
 @user_errors
-def explain(word: str | None, imports: tuple[str, ...]) -> None:
-    """Explain a printed word.
+def explain(
+    word: str | None, through: str | None, wish: str | None, than: str | None, imports: tuple[str, ...]
+) -> None:
+    """Explain a printed word, or why no path of a front passes somewhere.
 
     A WORD may also be the name of a criterion, planner, robot, goal, reader or export format. Without a WORD, all words
-    with an explanation are listed.
+    with an explanation are listed. With --through or --wish, FOLDER holds the front that `hpop plan` wrote.
     """
     cli.user_code.register(imports)
+    if through is not None or wish is not None:
+        if word is None:
+            raise click.UsageError("--through and --wish need the FOLDER of a front, which `hpop plan` wrote")
+        cli.explain.print_why(Path(word), through, wish, than)
+        return
+    if than is not None:
+        raise click.UsageError("--than needs --through or --wish: what shall be compared with the row")
     echo(cli.explain.known() if word is None else cli.explain.explained(word))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -61,16 +61,20 @@ def passage_of(problem: Problem, place: Any) -> Passage:
         return _beside(problem, side, _Named.of(world, name))
     if match := BETWEEN.fullmatch(text):
         return _between(world, match.group(1))
-    zones = _zones(world)
-    meant = _meant(text, zones)
-    if meant is None:
-        others = [name for name in _named(world) if name not in zones]
-        also = f"; beside or between: {', '.join(others)}" if others else ""
-        raise QueryError(
-            f"a place where a path passes must be {FORMS}; got {shown(place)}.{did_you_mean(text, [*zones, *others])} "
-            f"Zones: {', '.join(zones) or 'none'}{also}"
-        )
-    return _passage(world, zones[meant], f"through {meant}")
+    zones, named = _zones(world), _named(world)
+    if (zone := _meant(text, zones)) is not None:
+        return _passage(world, zones[zone], f"through {_with_article(zone)}")
+    thing = _meant(text, named)
+    hint = _near(text, zones) if thing is None else f" {thing!r} is no zone: ask for left of it or right of it."
+    raise QueryError(
+        f"a place where a path passes must be {FORMS}; got {shown(place)}.{hint} Zones: {_listed(zones)}; things "
+        f"with a left and a right: {_listed(named)}"
+    )
+
+
+def _listed(names: Iterable[str]) -> str:
+    """Return the names of things of the map for a message."""
+    return ", ".join(map(repr, names)) or "none"
 
 
 def _shape(place: Any) -> BaseGeometry:
@@ -81,19 +85,17 @@ def _shape(place: Any) -> BaseGeometry:
             corners: FloatArray = np.atleast_2d(np.array(place, np.float64))
         except (TypeError, ValueError, OverflowError):
             corners = np.zeros((0, 2))
-        if corners.ndim != 2 or corners.shape[1:] != (2,) or not len(corners):
+        if corners.ndim != 2 or corners.shape[1:] != (2,) or not len(corners) or not np.isfinite(corners).all():
             raise QueryError(f"a place where a path passes must be {FORMS}; got {shown(place)}")
         shape = (Point, LineString, Polygon)[min(len(corners), 3) - 1](corners if len(corners) > 1 else corners[0])
-    is_line = isinstance(shape, LineString) and len(shape.coords) == 2 and shape.length > 0.0
-    is_area = isinstance(shape, Polygon | MultiPolygon) and shape.area > 0.0
-    if not (is_line or is_area or isinstance(shape, Point)) or shape.is_empty:
-        raise QueryError(
-            "a place where a path passes must be a point, a line of two different points, or a polygon with an area; "
-            f"got {shown(place)}"
-        )
     if not np.isfinite(shapely.get_coordinates(shape)).all() or not shape.is_valid:
         reason = shapely.is_valid_reason(shape)
-        raise QueryError(f"the region where a path passes is no valid shape ({reason}); give its corners in order")
+        raise QueryError(f"a place where a path passes must be a valid shape ({reason}); give its corners in order")
+    is_line = isinstance(shape, LineString) and len(shape.coords) == 2
+    if shape.is_empty or not (is_line or isinstance(shape, Polygon | MultiPolygon | Point)):
+        raise QueryError(
+            f"a place where a path passes must be a point, a line of two points, or a polygon; got {shown(place)}"
+        )
     return shape
 
 
@@ -161,10 +163,10 @@ class _Named:
         named = _named(world)
         name = _meant(text, named)
         if name is None:
-            known = ", ".join(named) or "none; give a position x,y"
+            known = _listed(named)
             raise QueryError(
                 f"no obstacle, zone or landmark of the map is called {shown(text.strip())}."
-                f"{did_you_mean(text, named)} Known: {known}"
+                f"{_near(text, named)} Known: {known}; or give a position x,y"
             )
         shapes = shapely.get_parts(shapely.union_all(named[name]))
         if len(shapes) > 1:
@@ -173,7 +175,17 @@ class _Named:
                 f"{len(shapes)} things of the map are called {shown(name)}, at {'; '.join(middles)}: give the position "
                 "of the one that is meant in place of the name"
             )
-        return cls(f"the {name}", shapes[0])
+        return cls(_with_article(name), shapes[0])
+
+
+def _near(text: str, names: Iterable[str]) -> str:
+    """Return a question that suggests the most similar name, with or without "the"; "" if none is similar."""
+    return did_you_mean(text.strip(), [each for name in names for each in (name, name.removeprefix("the "))])
+
+
+def _with_article(name: str) -> str:
+    """Return a name as a sentence has it: "the statue", "the vase", but "Room 3"."""
+    return name if name.lower().startswith("the ") or not name[:1].islower() else f"the {name}"
 
 
 def _zones(world: World) -> dict[str, BaseGeometry]:

@@ -30,6 +30,7 @@ from hpop.runtime.status import Status
 if TYPE_CHECKING:
     from hpop.planners.base import Planner
     from hpop.planners.graphs.family import GraphFamily
+    from hpop.planners.objectives import Objectives
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
 SAME = 1e-3  # share of a cost up to which rounding may hide a difference
@@ -117,7 +118,7 @@ class _Found(NamedTuple):
     front   their front
     exact   whether all that are optimal on the searched graph are known
     reason  why there is no path, "" if there is one
-    off     by how much evaluated costs may be off those of the search, by name; 0 for those that are not listed
+    off     largest error of evaluated costs against those of the search, by name; 0 for those that are not listed
     """
 
     front: Front
@@ -134,18 +135,15 @@ def _passing(problem: Problem, front: Front, passage: Passage, spec: PlannerSpec
     else:
         planner = make_planner(spec)
     family = None if planner is None else planner.graph_of_drives
-    no_clock = people_move(problem) and (family is None or not family.has_clock(problem) or problem.tour is not None)
-    if planner is None or family is None or no_clock or planner.max_detour is not None:
-        passes = np.array([passage.holds(trajectory) for trajectory in front.trajectories])
-        words = f"rows of the front that pass {passage.words}; {OTHERS}"
-        return _Found(replace(front[passes], certificate=words), exact=False)
-    found = _searched(problem, passage, planner, family)
-    if set(found.front.names) != set(front.names):
-        raise OptionError(
-            f"the planner must minimise the costs of the front, {', '.join(front.names)}, got "
-            f"{', '.join(found.front.names)}; give the planner that made the front"
-        )
-    return found
+    if planner is not None and family is not None and (family.has_clock(problem) or not people_move(problem)):
+        objectives = edge_objectives(problem.criteria, planner.name)
+        is_toured = people_move(problem) and problem.tour is not None
+        names = {criterion.name for criterion in (*objectives.optimised, *objectives.filters)}
+        if names == set(front.names) and not is_toured:
+            return _searched(problem, passage, planner, family, objectives)
+    passes = np.array([passage.holds(trajectory) for trajectory in front.trajectories])
+    words = f"rows of the front that pass {passage.words}; {OTHERS}"
+    return _Found(replace(front[passes], certificate=words), exact=False)
 
 
 def planner_of_point(origin: Mapping[str, Any]) -> Planner | None:
@@ -159,11 +157,12 @@ def planner_of_point(origin: Mapping[str, Any]) -> Planner | None:
     return make_planner({cast(str, name): chosen}) if options else None
 
 
-def _searched(problem: Problem, passage: Passage, planner: Planner, family: GraphFamily) -> _Found:
+def _searched(
+    problem: Problem, passage: Passage, planner: Planner, family: GraphFamily, objectives: Objectives
+) -> _Found:
     """Return the paths that pass, by an exact search on the graph of a family."""
     kept = problem.keeping(planner.margin)
     spending = Spending(Limits.of(planner.budget()))
-    objectives = edge_objectives(problem.criteria, planner.name)
     try:
         if people_move(problem):
             *_, built = family.toured_graphs(kept, objectives, spending)
@@ -229,7 +228,8 @@ class _Comparison:
             best, row = (int(i) for i in np.unravel_index(np.argmin(pairs), pairs.shape))
         rows = tuple(np.flatnonzero(equal[on].any(axis=0)).tolist())
         point, numbers = self.able[best], self._numbers(best, row)
-        order = np.argsort(-np.abs(share[best, row]), kind="stable")
+        wished = np.isin(self.front.names, [] if self.limit is None else [*self.limit.bounds])
+        order = np.lexsort((-np.abs(share[best, row]), ~wished))
         differing = [self.front.names[j] for j in order if abs(more[best, row, j]) > same[j]]
         if not differing:
             sentence = self._on_front(rows, row)
@@ -242,7 +242,7 @@ class _Comparison:
 
     @property
     def _off(self) -> FloatArray:
-        """By how much (k,) the difference of two evaluated costs may be off that of the search.
+        """Largest error (k,) of the difference of two evaluated costs, against that of the search.
 
         A cost that is a whole number of quanta in all rows, such as turns, is not rounded.
         """

@@ -12,6 +12,7 @@ from click.testing import Result
 from hpop.cli.explain import REGISTRIES, explained
 from hpop.cli.glossary import entries, page
 from hpop.cli.report import WORDS
+from hpop.problems.front import Front
 from hpop.runtime.status import Status
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
@@ -101,3 +102,57 @@ def test_the_note_on_empty_groups_is_one_line_and_said_once(
     assert [line for line in lines if "no criterion" in line] == [
         "note: no criterion for performance, robot, others (see hpop explain group)"
     ]
+
+
+def test_why_no_path_passes_somewhere_is_a_sentence_and_a_table(run: Callable[..., Result], folder: Path) -> None:
+    said = " ".join(run("explain", folder, "--through", "left of 2,0.5").stdout.split())  # the wall, and its door
+    assert said.startswith("Passing left of (2, 0.5) is on the front: row 0 passes there.")
+    assert "best path" in said
+    assert "exact on the lattice of step 0.5 m, 8 headings, no corner cutting, passing left of (2, 0.5) for" in said
+    answer = Front.load(folder / "front.json").why_not((3.5, 1.5), than="knee")
+    corner = " ".join(run("explain", folder, "--through", "3.5,1.5", "--than", "knee").stdout.split())
+    assert corner.startswith(answer.sentence)
+    assert answer.sentence.endswith("than row 0; it is never better.")
+    assert f"difference 0 +{answer.numbers['length']:.3f}" in corner
+    none = " ".join(run("explain", folder, "--through", "right of 2,0.5").stdout.split())
+    assert none.startswith("No path passes right of (2, 0.5): no motion of the lattice of step 0.5 m")
+    bound = run("explain", folder, "--wish", "turns=99")
+    assert bound.stdout.startswith("Row 0 is a path with at most 99 turns.")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (
+            ["--through", "left of statue"],
+            5,
+            "no obstacle, zone or landmark of the map is called 'statue'. Known: none",
+        ),
+        (["--through", "9,9"], 5, "the position where a path shall pass is off the map, which spans"),
+        (["--through", "1.95,0.1 2.05,0.1 2.05,0.5"], 5, "the region where a path shall pass is wholly blocked"),
+        (["--wish", "fewer pauses"], 7, "there is no cost 'pauses' to wish for. The front has the costs turns, length"),
+        (["--wish", "turns=few"], 10, "--wish must be words, or a bound such as turns=3, got 'turns=few'"),
+        (["--wish", "turns=3", "--than", "99"], 10, "no row 99"),
+    ],
+)
+def test_questions_that_have_no_answer_are_refused(
+    run: Callable[..., Result], refused: Callable[..., None], folder: Path, words: list[str], code: int, message: str
+) -> None:
+    refused(run("explain", folder, *words), code, message)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--through", "1,1"], "--through and --wish need the FOLDER of a front"),
+        (["knee", "--than", "3"], "--than needs --through or --wish"),
+    ],
+)
+def test_options_of_a_front_need_one(run: Callable[..., Result], words: list[str], message: str) -> None:
+    result = run("explain", *words)
+    assert result.exit_code == 2
+    assert message in result.stderr
+
+
+def test_a_word_is_no_front(run: Callable[..., Result], refused: Callable[..., None]) -> None:
+    refused(run("explain", "knee", "--through", "1,1"), 12, "give the folder that `hpop plan` wrote")
