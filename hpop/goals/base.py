@@ -276,7 +276,7 @@ class AnyOf(GoalDefaults):
         return rows
 
 
-ENTRIES = (list, tuple, np.ndarray, Mapping, Goal)  # types in a list of goals; str as well if states have names
+ENTRIES = (list, tuple, np.ndarray, Mapping, Goal, States)  # types in a list of goals; str as well if states have names
 
 GoalSpec = StateSpec | Goal | Mapping[str, Mapping[str, Any]] | Sequence[StateSpec | Goal | Mapping[str, Any]]
 

@@ -23,7 +23,6 @@ from hpop.errors import ModelError, QueryError, did_you_mean
 
 Vector = tuple[Column, Column, Column]
 Values = tuple[float | None, ...]
-StateSpec = Sequence[float | None] | Mapping[str, float | None] | str
 MOST_SAMPLED = 10_000_000
 """Largest number of states in one sample."""
 ALIKE = 1e-9  # m or rad: tolerance for the ends of two motions that are the reverse of each other
@@ -67,6 +66,16 @@ class States:
     def take(self, index: Any) -> States:
         """Return the states at an index, a slice, or an index array."""
         return States(**{name: column[index] for name, column in self.__dict__.items()})
+
+    def one(self, what: str = "state") -> dict[str, float | None]:
+        """Return the values of a single state by name, with None for NaN (any value); QueryError for several states."""
+        columns = {name: np.ravel(getattr(self, name)) for name in self.names}
+        if sizes := {column.size for column in columns.values()} - {1}:
+            raise QueryError(f"the {what} must be one state, got {max(sizes)} states; take one: states.take([0])")
+        return {name: None if np.isnan(column[0]) else float(column[0]) for name, column in columns.items()}
+
+
+StateSpec = Sequence[float | None] | Mapping[str, float | None] | str | States
 
 
 class Pose(Protocol):
@@ -225,7 +234,8 @@ class StateSpace:
     def state(self, values: StateSpec, *, free: Iterable[str] = (), what: str = "state") -> States:
         """Check one state and return it as states (1,).
 
-        values  one value for each column, in order or by column name; or the name of a state in ``named``
+        values  one value for each column, in order or by column name; the name of a state in ``named``; or States of
+                one state, such as ``trajectory.at(12.5)``
         free    names of columns that may be None (any value), which is stored as NaN
         what    how the message of a QueryError calls the state: "start", "goal"
         """
@@ -248,15 +258,21 @@ class StateSpace:
         """
         if isinstance(values, str):
             values = self.called(values, what)
+        elif isinstance(values, States):
+            values = {
+                name: wrap(value) if name in self.turning and abs(value or 0) > np.pi else value
+                for name, value in values.one(what).items()
+            }
         values = self.completed(values, what)
+        advice = "; write None for an angle that is free" if self.angles and what.startswith("goal") else ""
         if isinstance(values, Mapping):
             if misfit := self.misfit(values):
-                raise QueryError(f"the {what} must be given as {self}, got {shown(values)}: {misfit}")
+                raise QueryError(f"the {what} must be given as {self}, got {shown(values)}: {misfit}{advice}")
             return {name: values[name] for name in self.names}
         try:
             return dict(zip(self.names, values, strict=True))
         except (TypeError, ValueError):
-            raise QueryError(f"the {what} must be given as {self}, got {shown(values)}") from None
+            raise QueryError(f"the {what} must be given as {self}, got {shown(values)}{advice}") from None
 
     def implied(self, what: str) -> Mapping[str, float]:
         """Return values, by name, of the last columns, if users may leave these out of a state; here none."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import json
 import math
-import re
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -22,17 +21,12 @@ from hpop.goals import Tour, TourStop, is_named
 from hpop.motions import Model, StateSpace
 from hpop.runtime.status import LIMITS, NO_LIMIT
 from hpop.scenario.schema import StopEntry, WorldSection, parameters_of, stop_words
-from hpop.scenario.yaml_lines import Document, Place
+from hpop.scenario.yaml_lines import Document, Place, note_on_yaml
 from hpop.world.readers.readers import ENDINGS
 
-OTHER_WORDS = {
-    "robot": "model",
-    "map": "world",
-    "target": "goal",
-    "begin": "start",
-    "costs": "criteria",
-    "objectives": "criteria",
-}
+OTHER_WORDS = {"robot": "model", "map": "world", "target": "goal", "begin": "start"} | dict.fromkeys(
+    ("costs", "objectives"), "criteria"
+)
 """Keys that users write, by the key that a scenario has."""
 EXPECTED = {
     "string_type": "text",
@@ -211,7 +205,8 @@ class Faults:
         misfit = space.misfit(given) if by_name else ""
         if isinstance(given, list) and len(given) != len(space.names):
             misfit = f"{len(given)} values for {len(space.names)} states"
-        self.add(place, f"expected {_form(space, what)}, got {got}{_note(given)}{f'; {misfit}' * bool(misfit)}")
+        note = note_on_yaml([value for value in values.values() if Degrees.in_radians(value) == value])
+        self.add(place, f"expected {_form(space, what)}, got {got}{note}{f'; {misfit}' * bool(misfit)}")
         return None
 
     def _column(self, value: Any, place: Place, space: StateSpace, name: str) -> Any:
@@ -292,7 +287,8 @@ class Faults:
         if not isinstance(angle, str):
             return angle
         self.add(
-            place, f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {shown(given)}{_note(given)}"
+            place,
+            f"{what} is a number in rad, or text such as '90 deg'{otherwise}; got {shown(given)}{note_on_yaml(given)}",
         )
         return 0.0
 
@@ -358,7 +354,7 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     )
     text += f" of {limit}" * bool(limit)
     hint = f"; {NO_LIMIT}" * bool(limit)
-    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{_note(got)}{hint}"
+    return f"{text}, got {'nothing' if got is None else shown(got, 60)}{note_on_yaml(got)}{hint}"
 
 
 def _whole(fault: Any) -> tuple[str | int, ...]:
@@ -370,22 +366,6 @@ def _whole(fault: Any) -> tuple[str | int, ...]:
 def _expected(fault: Any) -> str:
     """Return in plain words what a fault of pydantic expected; "" if pydantic's own message says it."""
     return str(fault["ctx"]["expected"]) if fault["type"] == "literal_error" else EXPECTED.get(fault["type"], "")
-
-
-def _note(got: Any) -> str:
-    """Return an explanation if YAML has read a value differently than it looks, such as 1e3 as text; else ""."""
-    if isinstance(got, list | dict):
-        got = got.values() if isinstance(got, dict) else got
-        return next(filter(None, map(_note, got)), "")
-    if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
-        return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
-    if isinstance(got, str) and (unit := re.fullmatch(r"([-+]?\d+(?:\.\d*)?) ?(mm|cm|km|m|ms|s|deg|rad)", got)):
-        in_base = {"mm": (1e-3, "m"), "cm": (1e-2, "m"), "km": (1e3, "m"), "ms": (1e-3, "s")}
-        factor, base = in_base.get(unit[2], (math.pi / 180 if unit[2] == "deg" else 1.0, unit[2].replace("deg", "rad")))
-        return f" (write a number without its unit: {got} is {float(unit[1]) * factor:.6g}, in {base})"
-    if isinstance(got, bool):
-        return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
-    return ""
 
 
 def _schema_at(schema: Any, loc: Place) -> Any:

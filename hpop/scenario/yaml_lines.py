@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -201,3 +202,19 @@ def _read(path: Path) -> str:
 
 def _got(value: object) -> str:
     return shown(value) if value is not None else "an empty file"
+
+
+def note_on_yaml(got: Any) -> str:
+    """Return an explanation if YAML has read a value differently than it looks, such as 1e3 as text; else ""."""
+    if isinstance(got, list | dict):
+        got = got.values() if isinstance(got, dict) else got
+        return next(filter(None, map(note_on_yaml, got)), "")
+    if isinstance(got, str) and re.fullmatch(r"[-+]?\d+(\.\d*)?e[-+]?\d+", got, re.IGNORECASE):
+        return f" (YAML reads {got} as text; write it with a point and a sign, such as 1.0e-3)"
+    if isinstance(got, str) and (unit := re.fullmatch(r"([-+]?\d+(?:\.\d*)?) ?(mm|cm|km|m|ms|s|deg|rad)", got)):
+        in_base = {"mm": (1e-3, "m"), "cm": (1e-2, "m"), "km": (1e3, "m"), "ms": (1e-3, "s")}
+        factor, base = in_base.get(unit[2], (math.pi / 180 if unit[2] == "deg" else 1.0, unit[2].replace("deg", "rad")))
+        return f" (write a number without its unit: {got} is {float(unit[1]) * factor:.6g}, in {base})"
+    if isinstance(got, bool):
+        return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
+    return ""

@@ -87,6 +87,16 @@ def test_a_world_that_changes_is_planned_on_as_it_is() -> None:
     assert many.solve(start, goal).costs.tolist() == before.costs.tolist()
 
 
+def test_states_of_a_trajectory_are_a_start_and_goals() -> None:
+    many = planning(criteria=["length"])
+    trajectory = many.solve(*QUERIES[0]).trajectories[0]
+    on_the_way, later = trajectory.at(trajectory.duration / 2), trajectory.at([trajectory.duration])
+    values = ROBOT.space.values(on_the_way)
+    for goal in (later, [later], ROBOT.space.values(later)):
+        assert many.solve(on_the_way, goal).costs.tolist() == many.solve(values, goal).costs.tolist()
+    assert many.problem(values, [later, values]).goals == (ROBOT.space.values(later), values)
+
+
 def test_ends_that_make_no_sense_are_refused() -> None:
     with pytest.raises(QueryError, match="start"):
         planning().solve((2.2, 1.0, 0.0), (5.8, 0.7, None))

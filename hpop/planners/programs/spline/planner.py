@@ -257,9 +257,10 @@ class _SplineRun:
             ),
             status=status,
             certificate=(
-                f"spline: {counted(len(splines), 'spline')}, each proved free of collisions and no worse than its path "
-                f"in ({names}), and {counted(len(paths), 'path')}{f', {left} not smoothed yet' if left else ''}; local "
-                f"improvements, not proved to be optimal{self.objectives.certificate}{f'; {kept}' if kept else ''}"
+                f"spline: the best of {counted(len(splines), 'spline')} and {counted(len(paths), 'path')}"
+                f"{f', {left} not smoothed yet' if left else ''}; each spline is proved free of collisions and no "
+                f"worse than its path in ({names}); these are local improvements, not proved to be optimal"
+                f"{self.objectives.certificate}{f'; {kept}' if kept else ''}"
             ),
             provenance=(
                 *({"planner": NAME, **spline.provenance, "warm_start": path} for path, spline in splines),
