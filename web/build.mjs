@@ -15,6 +15,7 @@ const BUNDLES = [
   { file: "explorer.js", entry: "src/explorer/main.ts", format: "iife" },
   { file: "widget.js", entry: "src/explorer/widget.ts", format: "esm" },
   { file: "ride.js", entry: "src/ride/main.ts", format: "iife" },
+  { file: "live.js", entry: "src/live/main.ts", format: "iife" },
   { file: "study.js", entry: "src/study/main.ts", format: "iife" },
 ];
 

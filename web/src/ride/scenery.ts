@@ -15,7 +15,7 @@ import {
   Vector3,
 } from "three";
 import { bodyToThree, positionToThree } from "./axes";
-import { type Cells, type Landmark, type Person, type Point, type Prism, type Surroundings, whereIs } from "./model";
+import { type Cells, type Landmark, type Part, type Point, type Prism, type Surroundings, type Vector, whereIs } from "./model";
 import { plateOf } from "./plates";
 import { type Look, Triangles } from "./shapes";
 import { Materials } from "./surfaces";
@@ -25,32 +25,36 @@ import type { Track } from "./track";
 const BEYOND = 2000;
 /** Height below which a camera is not above the floor, m. */
 const ON_FLOOR = 1e-3;
+/** A person whom the scene does not know, as hpop/view/ride/scene.py draws people. */
+const VISITOR: readonly Part[] = [
+  { shape: "cylinder", radius: 0.14, low: 0, high: 0.92, colour: [70, 76, 92], back: [70, 76, 92] },
+  { shape: "ellipsoid", radius: 0.25, low: 0.74, high: 1.5, colour: [72, 120, 152], back: [72, 120, 152] },
+  { shape: "ellipsoid", radius: 0.1, low: 1.46, high: 1.73, colour: [224, 188, 160], back: [84, 64, 52] },
+];
 
 export class Scenery {
   readonly root = new Group();
   readonly materials: Materials;
   private readonly ground: Drawn[] = [];
-  private readonly people: { person: Person; object: Object3D }[] = [];
-  private readonly turning: { mark: Landmark; object: Object3D }[] = [];
+  private readonly people: Drawn[] = [];
+  private readonly turning: Object3D[] = [];
+  /** Obstacles, and the plates of landmarks. */
+  readonly obstacles: Drawn;
+  readonly plates: { mark: Landmark; object: Drawn }[] = [];
   /** Links of the robot, in the order of the page's data. */
   readonly links: Drawn[] = [];
   private readonly from = new Vector3();
   private readonly turned = new Quaternion();
 
-  constructor(ride: Surroundings) {
+  constructor(private readonly ride: Surroundings) {
     const { scene } = ride;
     this.materials = new Materials(scene.surfaces);
     const { floor, zones, solids, people } = this.materials;
     const sky = this.add(new SphereGeometry(1, 32, 16), this.materials.sky, -10);
     sky.name = "sky";
     this.ground.push(this.add(outside(ride), floor, -3), this.add(floors(ride), floor, -2), this.add(areas(ride), zones, 1));
-    this.add(obstacles(ride), solids, 0);
-    for (const person of scene.people) {
-      const body = new Triangles();
-      for (const part of person.parts) body.part(part, person.number);
-      const object = this.add(body.geometry(), people, 0);
-      this.people.push({ person, object });
-    }
+    this.obstacles = this.add(obstacles(ride), solids, 0);
+    for (const person of scene.people) this.figure(person.parts, person.number);
     for (const mark of scene.landmarks) this.plate(mark);
     for (const link of ride.links) {
       const body = new Triangles();
@@ -61,22 +65,43 @@ export class Scenery {
 
   /** Moves everything to a time of a track; `eye` is the camera's position in three's axes. */
   show(track: Track, t: number, eye: Vector3): void {
-    for (const { person, object } of this.people) {
-      const place = whereIs(person, t);
-      object.visible = place !== null;
-      if (place === null) continue;
-      object.position.set(place[0], 0, -place[1]);
-      object.rotation.y = place[2];
-    }
-    for (const { object } of this.turning) {
-      object.rotation.y = Math.atan2(eye.x - object.position.x, eye.z - object.position.z);
-    }
+    this.showPeople(this.ride.scene.people.map((person) => whereIs(person, t)));
+    this.face(eye);
     this.links.forEach((object, k) => {
       track.link(k, t, this.from, this.turned);
       object.position.copy(positionToThree(this.from));
       object.quaternion.copy(bodyToThree(this.turned));
     });
+  }
+
+  /** Moves people to their positions and yaws; who is nowhere is hidden, and more people than the scene has are added. */
+  showPeople(places: readonly (Vector | null)[]): void {
+    const known = this.ride.scene.people;
+    while (this.people.length < places.length) {
+      const like = known[this.people.length % Math.max(known.length, 1)];
+      this.figure(like?.parts ?? VISITOR, like?.number ?? 0);
+    }
+    this.people.forEach((object, i) => {
+      const place = places[i] ?? null;
+      object.visible = place !== null;
+      if (place === null) return;
+      object.position.set(place[0], 0, -place[1]);
+      object.rotation.y = place[2];
+    });
+  }
+
+  /** Turns plates without a front to the camera's position in three's axes; hides the ground from a camera on it. */
+  face(eye: Vector3): void {
+    for (const object of this.turning) {
+      object.rotation.y = Math.atan2(eye.x - object.position.x, eye.z - object.position.z);
+    }
     for (const object of this.ground) object.visible = eye.y > ON_FLOOR;
+  }
+
+  private figure(parts: readonly Part[], number: number): void {
+    const body = new Triangles();
+    for (const part of parts) body.part(part, number);
+    this.people.push(this.add(body.geometry(), this.materials.people, 0));
   }
 
   private add(geometry: BufferGeometry, material: ShaderMaterial, order: number): Drawn {
@@ -95,7 +120,8 @@ export class Scenery {
     picture.anisotropy = 8;
     const object = this.add(new PlaneGeometry(mark.width, mark.height), this.materials.plate(picture, mark.number), 0);
     object.position.set(mark.x, mark.z, -mark.y);
-    if (mark.facing === null) this.turning.push({ mark, object });
+    this.plates.push({ mark, object });
+    if (mark.facing === null) this.turning.push(object);
     else object.rotation.y = mark.facing + Math.PI / 2;
   }
 }

@@ -63,8 +63,9 @@ export class Stage {
   constructor(
     readonly canvas: HTMLCanvasElement,
     private readonly ride: Surroundings,
+    alpha = false,
   ) {
-    this.renderer = new WebGLRenderer({ canvas, antialias: true });
+    this.renderer = new WebGLRenderer({ canvas, antialias: true, alpha });
     this.renderer.xr.enabled = true;
     this.renderer.xr.setReferenceSpaceType("local");
     this.scenery = new Scenery(ride);
@@ -106,10 +107,15 @@ export class Stage {
   /** Moves the rig to the camera's pose at a time of a track, and everything else to its position then. */
   place(track: Track, t: number): void {
     track.pose(t, this.eye, this.turned);
-    this.rig.position.copy(positionToThree(this.eye));
-    this.rig.quaternion.copy(cameraToThree(this.turned));
-    if (this.level) levelled(this.rig.quaternion);
+    this.stand(this.eye, this.turned);
     this.scenery.show(track, t, this.rig.position);
+  }
+
+  /** Moves the rig to a pose of the camera in the world; both values are changed. */
+  stand(eye: Vector3, turned: Quaternion): void {
+    this.rig.position.copy(positionToThree(eye));
+    this.rig.quaternion.copy(cameraToThree(turned));
+    if (this.level) levelled(this.rig.quaternion);
     this.stale = true;
   }
 

@@ -1,0 +1,67 @@
+// Why the robot does not go elsewhere, and doors: a region of the map is asked about, closed and opened by its name.
+import { button, element } from "../shared/dom";
+import type { Message, NamedRegion, Why } from "./messages";
+
+export class Regions {
+  readonly root = element("section");
+  /** Names of the regions that are closed. */
+  private readonly closed: Set<string>;
+  why: Why | null = null;
+  private readonly answer = element("p", "answer");
+  private readonly select = element("select");
+  private readonly door: HTMLButtonElement;
+
+  constructor(
+    private readonly regions: readonly NamedRegion[],
+    closed: readonly string[],
+    private readonly may: boolean,
+    send: (message: Message) => void,
+  ) {
+    this.root.id = "regions";
+    this.closed = new Set(closed);
+    this.answer.setAttribute("role", "status");
+    this.answer.id = "why";
+    this.select.setAttribute("aria-label", "Regions of the map");
+    const names = [...new Set(regions.map(({ name }) => name))];
+    this.select.append(...names.map((name) => element("option", "", name)));
+    this.select.addEventListener("change", () => { this.showDoor(); });
+    this.door = button("", "", () => {
+      const name = this.select.value;
+      const open = this.closed.has(name);
+      if (open) this.closed.delete(name);
+      else this.closed.add(name);
+      send({ type: open ? "open" : "close", name });
+      this.showDoor();
+    });
+    const row = element("div", "row");
+    row.append(this.select, button("Why not here?", "Ask what the best way through this region costs", () => {
+      if (this.select.value !== "") send({ type: "why", region: this.select.value });
+    }), this.door);
+    row.hidden = regions.length === 0;
+    const help = regions.length === 0 ? "Choose “Why not here?” above, then click on the map." : "Ask about a region, or close it; or choose “Why not here?” above and click on the map.";
+    this.root.append(element("h2", "", "Why this way?"), ...(may ? [element("p", "quiet", help), row] : []), this.answer);
+    this.showDoor();
+  }
+
+  /** Corners of the closed regions, for the map. */
+  get shut(): NamedRegion["ring"][] {
+    return this.regions.filter(({ name }) => this.closed.has(name)).map(({ ring }) => ring);
+  }
+
+  answered(why: Why): void {
+    this.why = why.line.length > 1 ? why : null;
+    this.answer.textContent = `${why.sentence}${why.exact ? "" : " (As far as was searched: a better way may exist.)"}`;
+  }
+
+  clear(): void {
+    this.why = null;
+    this.answer.textContent = "";
+  }
+
+  private showDoor(): void {
+    const name = this.select.value;
+    this.door.hidden = name === "" || !this.may;
+    this.door.textContent = this.closed.has(name) ? "Open it" : "Close it";
+    this.door.title = this.closed.has(name) ? `The robot may drive through ${name} again` : `The robot must not drive through ${name}, as if a door was shut`;
+  }
+}
