@@ -12,6 +12,8 @@ const TONES = { left: 440, right: 660 } as const;
 export class Announcer {
   readonly overlay = element("div");
   readonly settings = element("fieldset");
+  /** Read aloud by screen readers. */
+  readonly spoken = element("p", "unseen");
   /** What is announced now; "" for nothing. */
   words = "";
   private readonly boxes = new Map<string, HTMLInputElement>();
@@ -22,8 +24,8 @@ export class Announcer {
     settings: Readonly<Record<string, boolean>>,
     may: boolean,
     private readonly changed: (name: string, on: boolean) => void,
-    private readonly say: (words: string) => void,
   ) {
+    this.spoken.setAttribute("role", "status");
     this.overlay.id = "turn";
     this.overlay.hidden = true;
     this.overlay.setAttribute("aria-hidden", "true");
@@ -54,7 +56,7 @@ export class Announcer {
     this.turn = { at, turn };
     if (known !== null && known.turn.direction === turn.direction && Math.abs(known.at - at) < ANOTHER) return;
     if (this.isOn("tone")) this.beep(turn.direction);
-    if (this.isOn("arrow") || this.isOn("seconds")) this.say(`${told(turn)}${this.isOn("seconds") ? ` in ${Math.ceil(turn.in)} s` : ""}`);
+    if (this.isOn("arrow") || this.isOn("seconds")) this.spoken.textContent = `${told(turn)}${this.isOn("seconds") ? ` in ${Math.ceil(turn.in)} s` : ""}`;
   }
 
   clear(): void {

@@ -95,7 +95,9 @@ export class Destination {
     this.place = place;
     const good = place.status !== "blocked";
     const told = place.words === "" ? place.status : place.words;
-    this.answer.textContent = `${good ? "✓" : "✗"} ${told.charAt(0).toUpperCase()}${told.slice(1)}.`.replace(/\.\.$/u, ".");
+    const sentence = `${told.charAt(0).toUpperCase()}${told.slice(1)}.`.replace(/\.\.$/u, ".");
+    const near = place.status === "nearest" ? " The robot can go there." : "";
+    this.answer.textContent = `${good ? "✓" : "✗"} ${sentence}${near}`;
     this.answer.classList.toggle("bad", !good);
     this.user.changed();
   }

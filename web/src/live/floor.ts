@@ -11,6 +11,7 @@ import {
   RingGeometry,
   Sprite,
   SpriteMaterial,
+  SRGBColorSpace,
 } from "three";
 import type { Point } from "../ride/model";
 import { type Drawn, GOAL } from "./colours";
@@ -140,7 +141,9 @@ function disc(text: string, colour: string): CanvasTexture {
   pen.textBaseline = "middle";
   pen.fillStyle = "#111";
   pen.fillText(text, 32, 34);
-  return new CanvasTexture(canvas);
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  return texture;
 }
 
 function empty(group: Group): void {

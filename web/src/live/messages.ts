@@ -12,6 +12,8 @@ export interface LiveCriterion {
 /** A part of the floor with a name, that one may ask about or close. */
 export interface NamedRegion {
   readonly name: string;
+  /** Whether a robot can never be there: one may only ask about the sides. */
+  readonly solid: boolean;
   readonly ring: Ring;
 }
 
@@ -138,7 +140,8 @@ export function sceneOf(message: Message): LiveScene {
     role: message["role"] === "watch" ? "watch" : "drive",
     criteria: list(message["criteria"]).map((one) => {
       const { name, label, unit } = record(one);
-      return { name: words(name), label: words(label) || words(name), unit: words(unit) };
+      const plain = (words(label) || words(name)).replace(/ \([^)]*\)$/u, ""); // the unit stands behind the value
+      return { name: words(name), label: plain, unit: words(unit) };
     }),
     regions: regionsOf(message["regions"]),
     outline: points(message["outline"]),
@@ -151,11 +154,9 @@ export function sceneOf(message: Message): LiveScene {
 }
 
 function regionsOf(value: unknown): NamedRegion[] {
-  if (!Array.isArray(value)) return Object.entries(record(value)).map(([name, ring]) => ({ name, ring: points(ring) }));
-  return value.map((one: unknown) => {
-    if (typeof one === "string") return { name: one, ring: [] };
-    const { name, corners, ring, polygon } = record(one);
-    return { name: words(name), ring: points(corners ?? ring ?? polygon) };
+  return list(value).map((one) => {
+    const { name, kind, corners } = record(one);
+    return { name: words(name), solid: kind === "obstacle", ring: points(corners) };
   });
 }
 

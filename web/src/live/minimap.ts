@@ -35,6 +35,7 @@ export class Minimap {
   ) {
     const corners = scene.scene.floor.flat(2);
     this.above = new Above(canvas, scene.scene, corners.map(([x]) => x), corners.map(([, y]) => y), (pen) => { this.names(pen); });
+    canvas.addEventListener("mousedown", (event) => { event.preventDefault(); }); // arrow keys go on steering
     canvas.addEventListener("click", (event) => {
       const box = canvas.getBoundingClientRect();
       this.cross = null;

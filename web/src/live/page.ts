@@ -1,5 +1,4 @@
 // The live page: the robot's view, the map, where to go, the ways there, and what the robot says.
-import { Vector3 } from "three";
 import { GazeButtons } from "../ride/gaze";
 import { Headset } from "../ride/headset";
 import type { Point, Vector } from "../ride/model";
@@ -76,7 +75,7 @@ export class Page {
       this.draw();
     });
     const set = (name: string, value: boolean): void => { this.send({ type: "setting", name, value }); };
-    this.announcer = new Announcer(scene.settings, this.drives, set, (told) => { this.say(told); });
+    this.announcer = new Announcer(scene.settings, this.drives, set);
     this.view = new View(this.shell.canvas, scene, (pointed) => { this.pointedAt(pointed); });
     const crossed = ([x, y]: Point): void => { this.say(`Cross at ${x.toFixed(1)} m, ${y.toFixed(1)} m`); };
     this.minimap = new Minimap(this.shell.map, scene, (at) => { this.choose(at); }, crossed);
@@ -216,8 +215,7 @@ export class Page {
 
   /** A press of a headset's controller, where no button is looked at. */
   private select(): void {
-    const { controller } = this;
-    this.view.chooseFrom(controller.getWorldPosition(new Vector3()), controller.getWorldDirection(new Vector3()).negate());
+    this.view.chooseAlong(this.controller);
   }
 
   private sticks(): [number, number][] {
@@ -288,9 +286,12 @@ export class Page {
       this.steering.poll(now);
     }
     this.announcer.step(performance.now());
-    if (this.headset.isOn) this.gaze.look(this.view.stage.head, seconds);
-    this.view.aim(this.headset.isOn || this.shell.canvas.matches(":focus-visible"));
-    this.view.stage.draw(seconds);
+    if (this.headset.isOn) {
+      this.gaze.look(this.view.stage.head, seconds);
+      if (this.announcer.words !== "") this.plate.write(this.announcer.words);
+    }
+    this.view.aim(this.shell.canvas.matches(":focus-visible"), this.headset.isOn ? this.controller : null);
+    this.view.draw(seconds);
     document.documentElement.dataset["ready"] = "yes";
   }
 
@@ -303,7 +304,7 @@ export class Page {
 
   private fill(): void {
     const settings = element("section");
-    settings.append(this.announcer.settings);
+    settings.append(this.announcer.settings, this.announcer.spoken);
     const driving = this.drives ? [this.destination.root] : [];
     const over = this.drives ? [this.announcer.overlay, this.steering.root] : [this.announcer.overlay];
     this.shell.fill(over, [...driving, this.ways.cardsRoot, this.ways.slidersRoot, this.regions.root, settings], this.dialog);
@@ -322,7 +323,10 @@ export class Page {
       headset: () => { void this.headset.enter(); },
       help: () => { this.dialog.showModal(); },
       mode: (mode) => { this.destination.setMode(mode); },
-      take: (card) => this.ways.takeCard(card),
+      take: (card) => {
+        if (document.activeElement === this.shell.map) this.shell.canvas.focus(); // arrow keys steer from now on
+        return this.ways.takeCard(card);
+      },
       toggle: () => { this.halt(!this.stopped); },
       stop: () => { this.halt(true); },
       middle: () => { this.view.chooseMiddle(); },

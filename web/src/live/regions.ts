@@ -21,9 +21,9 @@ export class Regions {
     this.closed = new Set(closed);
     this.answer.setAttribute("role", "status");
     this.answer.id = "why";
-    this.select.setAttribute("aria-label", "Regions of the map");
-    const names = [...new Set(regions.map(({ name }) => name))];
-    this.select.append(...names.map((name) => element("option", "", name)));
+    this.select.setAttribute("aria-label", "Places of the map");
+    const places = regions.flatMap(({ name, solid }) => (solid ? (/wall/iu.test(name) ? [] : [`left of ${name}`, `right of ${name}`]) : [name]));
+    this.select.append(...[...new Set(places)].map((name) => element("option", "", name)));
     this.select.addEventListener("change", () => { this.showDoor(); });
     this.door = button("", "", () => {
       const name = this.select.value;
@@ -37,8 +37,8 @@ export class Regions {
     row.append(this.select, button("Why not here?", "Ask what the best way through this region costs", () => {
       if (this.select.value !== "") send({ type: "why", region: this.select.value });
     }), this.door);
-    row.hidden = regions.length === 0;
-    const help = regions.length === 0 ? "Choose “Why not here?” above, then click on the map." : "Ask about a region, or close it; or choose “Why not here?” above and click on the map.";
+    row.hidden = places.length === 0;
+    const help = "Choose “Why not here?” above and click on the map; or ask about a place by its name.";
     this.root.append(element("h2", "", "Why this way?"), ...(may ? [element("p", "quiet", help), row] : []), this.answer);
     this.showDoor();
   }
@@ -60,7 +60,7 @@ export class Regions {
 
   private showDoor(): void {
     const name = this.select.value;
-    this.door.hidden = name === "" || !this.may;
+    this.door.hidden = !this.may || !this.regions.some((region) => region.name === name && !region.solid);
     this.door.textContent = this.closed.has(name) ? "Open it" : "Close it";
     this.door.title = this.closed.has(name) ? `The robot may drive through ${name} again` : `The robot must not drive through ${name}, as if a door was shut`;
   }

@@ -45,8 +45,6 @@ export class Shell {
     this.notes.setAttribute("aria-label", "Notes");
     this.view.id = "view";
     this.side.id = "side";
-    this.side.tabIndex = 0; // it may scroll
-    this.side.setAttribute("role", "region");
     this.side.setAttribute("aria-label", "Map, destination and ways");
     this.canvas.id = "seen";
     this.focusable(this.canvas, "The robot’s view. Enter chooses the place in the middle of the view; W, A, S and D look around; arrow keys push the robot.");
@@ -73,7 +71,13 @@ export class Shell {
     log.id = "notes";
     log.append(element("h2", "", "Notes"), this.notes);
     this.view.append(...over);
-    this.side.append(this.map, ...panels, log);
+    const below = element("div");
+    below.id = "panels";
+    below.tabIndex = 0; // it may scroll
+    below.setAttribute("role", "group");
+    below.setAttribute("aria-label", "Destination, ways and notes");
+    below.append(...panels, log);
+    this.side.append(this.map, below);
     this.root.append(dialog);
     document.body.append(this.root);
   }

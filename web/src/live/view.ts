@@ -1,5 +1,5 @@
 // The view from the robot: the ride's scene at the robot's live pose, the ways on its floor, and what lies under a pointer.
-import { Euler, Plane, Quaternion, Raycaster, Vector2, Vector3 } from "three";
+import { Euler, type Object3D, Plane, Quaternion, Raycaster, Vector2, Vector3 } from "three";
 import { Looking } from "../ride/looking";
 import type { Landmark, Point, Vector } from "../ride/model";
 import { Stage } from "../ride/stage";
@@ -13,6 +13,13 @@ const FAR = 60;
 const STILL = 6;
 const TWICE = 350;
 const UP = new Vector3(0, 0, 1);
+/** Pictures over which the pace is measured; s a picture above which fewer pixels are drawn, and below which more are. */
+const MEASURED = 10;
+const SLOW = 1 / 40;
+const FAST = 1 / 55;
+const COARSEST = 0.5;
+/** Measurements in a row that must be fast at first; twice as many after each loss, so that the picture seldom changes. */
+const PATIENCE = 6;
 const TURN = 0.15;
 
 /** What the viewer points at: a place of the floor, a landmark, or something in the way. */
@@ -30,6 +37,10 @@ export class View {
   /** Where the mouse is, and whether it has moved since the last picture. */
   private pointer: PointerEvent | null = null;
   private pointedAnew = false;
+  private pictures = 0;
+  private seconds = 0;
+  private fast = 0;
+  private patience = PATIENCE;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -50,6 +61,35 @@ export class View {
     this.stage.stand(this.eye, this.turned.setFromAxisAngle(UP, yaw));
     this.stage.scenery.showPeople(people);
     this.stage.scenery.face(this.stage.rig.position);
+  }
+
+  /** Draws, if there is anything new, `seconds` after the last time; with fewer pixels if that takes too long. */
+  draw(seconds: number): void {
+    const { stage } = this;
+    [this.pictures, this.seconds] = stage.stale ? [this.pictures + 1, this.seconds + seconds] : [0, 0];
+    if (this.pictures === MEASURED) {
+      this.adapt(this.seconds / MEASURED);
+      [this.pictures, this.seconds] = [0, 0];
+    }
+    stage.draw(seconds);
+  }
+
+  /** Draws fewer pixels where a picture takes long, and more again once pictures are fast for a while. */
+  private adapt(seconds: number): void {
+    const most = Math.min(window.devicePixelRatio, 2);
+    const before = Math.min(most, this.stage.sharpness);
+    let sharpness = before;
+    this.fast = seconds < FAST ? this.fast + 1 : 0;
+    if (seconds > SLOW) {
+      sharpness = Math.max(0.7 * before, COARSEST);
+      this.patience *= 2;
+    } else if (this.fast > this.patience) {
+      sharpness = Math.min(before / 0.7, most);
+      this.fast = 0;
+    }
+    if (sharpness === before) return;
+    this.stage.sharpness = sharpness;
+    this.stage.resize();
   }
 
   showWays(ways: readonly Drawn[], goals: readonly Point[]): void {
@@ -75,19 +115,20 @@ export class View {
     this.chosen(this.pointed());
   }
 
-  /** Chooses what a controller points at; its axes are those of three: it points along -z. */
-  chooseFrom(position: Vector3, direction: Vector3): void {
-    this.ray.set(position, direction);
+  /** Chooses what a headset's controller points at. */
+  chooseAlong(controller: Object3D): void {
+    this.aimAlong(controller);
     this.chosen(this.pointed());
   }
 
-  /** Shows on the floor where the mouse points, or the middle of the view; at most once a picture. */
-  aim(middle: boolean): void {
-    if (!this.pointedAnew && !middle) return;
+  /** Shows on the floor where the mouse points, or the middle of the view, or a headset's controller; once a picture. */
+  aim(middle: boolean, controller: Object3D | null): void {
+    if (!this.pointedAnew && !middle && controller === null) return;
     this.pointedAnew = false;
-    if (this.pointer !== null) this.aimAt(this.pointer);
+    if (controller !== null) this.aimAlong(controller);
+    else if (this.pointer !== null) this.aimAt(this.pointer);
     else if (middle) this.ray.setFromCamera(new Vector2(0, 0), this.stage.head);
-    this.hover(this.pointer !== null || middle ? this.pointed() : null);
+    this.hover(controller !== null || this.pointer !== null || middle ? this.pointed() : null);
   }
 
   private listen(): void {
@@ -118,6 +159,11 @@ export class View {
     const box = this.canvas.getBoundingClientRect();
     const [u, v] = [(event.clientX - box.left) / box.width, (event.clientY - box.top) / box.height];
     this.ray.setFromCamera(new Vector2(2 * u - 1, 1 - 2 * v), this.stage.head);
+  }
+
+  /** A controller points along its -z. */
+  private aimAlong(controller: Object3D): void {
+    this.ray.set(controller.getWorldPosition(new Vector3()), controller.getWorldDirection(new Vector3()).negate());
   }
 
   private hover(pointed: Pointed | null): void {

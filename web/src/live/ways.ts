@@ -43,7 +43,8 @@ export class Ways {
   private readonly list = element("ol");
   private readonly cards: HTMLButtonElement[] = [];
   private readonly wishes = element("div", "row");
-  private readonly sliders: Slider[];
+  private sliders: Slider[] = [];
+  private readonly rows = element("div");
   private readonly takePick: HTMLButtonElement;
 
   constructor(
@@ -59,7 +60,6 @@ export class Ways {
     }
     this.wishes.hidden = true;
     this.cardsRoot.append(element("h2", "", "Ways to get there"), this.count, this.list, this.wishes);
-    this.sliders = criteria.map((criterion) => this.slider(criterion));
     this.takePick = button("Take this way", "Drive the way that the sliders picked", () => {
       if (this.pick !== null) user.take(this.pick.option);
     });
@@ -67,7 +67,7 @@ export class Ways {
     this.slidersRoot.append(
       element("h2", "", "Pick among all ways"),
       element("p", "quiet", "Move a slider to the left for less; the white line is the way that fits best."),
-      ...this.sliders.map(({ row }) => row),
+      this.rows,
       this.takePick,
     );
     this.slidersRoot.hidden = true;
@@ -80,8 +80,11 @@ export class Ways {
     this.looked = null;
     const { cards, all } = options;
     const count = all.length === 1 ? "One way." : `${all.length} ways.`;
-    const told = all.length === 0 ? "No way is free at the moment." : `${count} ${this.may ? "Choose one: press its number, or click." : ""}`;
-    this.count.textContent = told.trim();
+    const white = options.present !== null && !cards.some(({ option }) => option === options.present);
+    const changes = `You may change at any time${white ? "; the white line is driven now" : ""}.`;
+    const advice = options.present === null ? "Choose one: click, or press its number." : changes;
+    const told = all.length === 0 ? "No way is free at the moment." : `${count} ${this.may ? advice : ""}`.trim();
+    if (this.count.textContent !== told) this.count.textContent = told;
     this.count.title = options.certificate;
     while (this.cards.length < cards.length) this.addCard(this.cards.length);
     this.cards.forEach((made, i) => {
@@ -89,6 +92,7 @@ export class Ways {
       if (i < cards.length) this.fillCard(made, cards[i]!, i);
     });
     this.slidersRoot.hidden = !this.may || all.length < 2;
+    this.addSliders();
     for (const slider of this.sliders) {
       slider.values = [...new Set(all.map(({ costs }) => costs[slider.name] ?? 0))].sort((a, b) => a - b);
       slider.input.max = String(Math.max(slider.values.length - 1, 0));
@@ -149,12 +153,26 @@ export class Ways {
       line.setAttribute(name, String(value));
     }
     stroke.append(line);
-    const costs = this.criteria.filter(({ name }) => card.costs[name] !== undefined);
-    const values = costs.map(({ name, label, unit }) => `${label} ${quantity(card.costs[name]!, unit)}`);
+    const values = Object.entries(card.costs).map(([name, value]) => {
+      const { label, unit } = this.criterion(name);
+      return `${label} ${quantity(value, unit)}`;
+    });
     const head = element("span", "card-head");
     head.append(number, element("strong", "", NAMES[card.name] ?? card.name), stroke);
     made.replaceChildren(head, element("span", "card-words", card.words), element("span", "card-costs", values.join(" · ")));
     made.title = `Drive this way (${i + 1})`;
+  }
+
+  private criterion(name: string): LiveCriterion {
+    return this.criteria.find((one) => one.name === name) ?? { name, label: name.replaceAll("_", " "), unit: "" };
+  }
+
+  /** Makes a slider for each cost of the ways, unless they are there. */
+  private addSliders(): void {
+    const names = Object.keys(this.options.all[0]?.costs ?? {});
+    if (names.length === 0 || names.join() === this.sliders.map(({ name }) => name).join()) return;
+    this.sliders = names.map((name) => this.slider(this.criterion(name)));
+    this.rows.replaceChildren(...this.sliders.map(({ row }) => row));
   }
 
   private slider({ name, label, unit }: LiveCriterion): Slider {

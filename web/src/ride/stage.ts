@@ -52,6 +52,8 @@ export class Stage {
   level = false;
   /** 0 to 1: how far the margins of the view are darkened. */
   narrow = 0;
+  /** Pixels drawn for each pixel of the screen, at most: less where the device is slow. */
+  sharpness = 2;
   /** Whether anything has changed since the last picture. */
   stale = true;
   private readonly cover: ShaderMaterial;
@@ -90,7 +92,7 @@ export class Stage {
   resize(): Point | null {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (width === 0 || height === 0 || this.renderer.xr.isPresenting) return null;
-    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    this.renderer.setPixelRatio(Math.min(window.devicePixelRatio, this.sharpness));
     this.renderer.setSize(width, height, false);
     const aspect = width / height;
     const fov = this.ride.field_of_view;
