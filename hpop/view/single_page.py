@@ -63,7 +63,7 @@ def page_file(path: str | os.PathLike[str]) -> Path:
 
 @cache
 def bundle(name: str) -> str:
-    """Return the text of a script bundled by web/build.mjs: "explorer.js", "ride.js", "study.js" or "widget.js"."""
+    """Return the text of a script bundled by web/build.mjs: "explorer.js", "live.js", "ride.js", "study.js", ..."""
     return resources.files("hpop.view").joinpath("web", name).read_text(encoding="utf-8")
 
 

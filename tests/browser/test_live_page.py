@@ -35,7 +35,7 @@ model:
   differential_drive: {{radius: 0.25, camera_height: {EYE}}}
 start: [{START[0]}, {START[1]}, {START[2]}]
 goal: [6, 4, any]
-criteria: [turns, length]
+criteria: [obstruction, turns, length]
 planner:
   lattice: {{step: 0.5}}
 """
@@ -137,7 +137,9 @@ def enter(browser: Browser) -> Iterator[Callable[..., Guest]]:
 Enter = Callable[..., Guest]
 
 
-def test_a_viewer_chooses_on_the_map_takes_a_way_and_arrives_while_another_watches(tmp_path: Path, enter: Enter) -> None:
+def test_a_viewer_chooses_on_the_map_takes_a_way_and_arrives_while_another_watches(
+    tmp_path: Path, enter: Enter
+) -> None:
     with served(tmp_path) as server:
         guest = enter(server.address())
         watcher = enter(server.address(drives=False))
@@ -227,17 +229,17 @@ def test_each_step_of_a_slider_picks_a_way_with_that_cost(tmp_path: Path, enter:
         guest.prepared()
         guest.choose(6.0, 4.0)
         options = guest.of("options")[-1]
-        values = sorted({way["costs"]["turns"] for way in options["all"]})
+        values = sorted({way["costs"]["length"] for way in options["all"]})
         assert len(values) > 1
-        slider = guest.page.get_by_role("slider", name="turns")
+        slider = guest.page.get_by_role("slider", name="length")
         slider.focus()
         for key, value in (("Home", values[0]), ("End", values[-1])):
             guest.page.keyboard.press(key)
-            assert slider.get_attribute("aria-valuetext") == f"{value:g}"
+            assert slider.get_attribute("aria-valuetext") == f"{value:.{1 if value >= 10 else 2}f} m"
         guest.page.get_by_role("button", name="Take this way").click()
         guest.until(lambda: bool(guest.of("taken")))
         taken = guest.of("taken")[0]["option"]
-        assert options["all"][taken]["costs"]["turns"] == values[-1]
+        assert options["all"][taken]["costs"]["length"] == values[-1]
 
 
 def test_a_hidden_page_brakes_the_robot_and_the_head_is_told_thirty_times_a_second(

@@ -23,7 +23,7 @@ def hash_of_sources() -> str:
 
 
 def test_there_are_bundles() -> None:
-    assert {path.name for path in BUNDLES} >= {"explorer.js", "ride.js", "study.js", "widget.js"}
+    assert {path.name for path in BUNDLES} >= {"explorer.js", "live.js", "ride.js", "study.js", "widget.js"}
 
 
 @pytest.mark.parametrize("bundle", BUNDLES, ids=lambda path: path.name)

@@ -22,7 +22,7 @@ export class Shell {
   private readonly toHeadset: HTMLButtonElement;
   private readonly said = element("p");
   private readonly alarm = element("p");
-  private readonly notes = element("ol");
+  private readonly notes = element("div");
   private readonly alarms = new Map<string, string>();
 
   constructor(
@@ -42,6 +42,7 @@ export class Shell {
     this.alarm.setAttribute("role", "alert");
     this.alarm.hidden = true;
     this.notes.setAttribute("role", "log");
+    this.notes.tabIndex = 0; // it may scroll
     this.notes.setAttribute("aria-label", "Notes");
     this.view.id = "view";
     this.side.id = "side";
@@ -92,7 +93,7 @@ export class Shell {
 
   note(words: string): void {
     const time = new Date().toLocaleTimeString("en-GB");
-    this.notes.prepend(element("li", "", `${time}  ${words}`));
+    this.notes.prepend(element("p", "", `${time}  ${words}`));
     while (this.notes.children.length > NOTES) this.notes.lastElementChild?.remove();
   }
 

@@ -11,8 +11,6 @@ const NAMES: Readonly<Record<string, string>> = {
   "most different": "Most different",
 };
 const WISHES: readonly (readonly [string, string])[] = [["fewer turns", "Fewer turns"], ["hurry", "Hurry"]];
-/** Weight of the other criteria when a slider moves. */
-const OTHERS = 0.05;
 
 export interface WaysUser {
   take(option: number): void;
@@ -98,7 +96,7 @@ export class Ways {
       slider.input.max = String(Math.max(slider.values.length - 1, 0));
       slider.row.hidden = slider.values.length < 2;
     }
-    if (before !== null) this.pick = this.nearest(before.costs, null) ?? null;
+    if (before !== null) this.pick = this.nearest(before.costs, all) ?? null;
     this.showDriven(options.present);
   }
 
@@ -176,11 +174,12 @@ export class Ways {
   }
 
   private slider({ name, label, unit }: LiveCriterion): Slider {
-    const row = element("label", "slider");
+    const row = element("div", "slider");
     const [input, output] = [element("input"), element("output")];
     input.type = "range";
     input.min = "0";
     input.step = "1";
+    input.setAttribute("aria-label", label);
     row.append(element("span", "", label), output, input);
     const made: Slider = { name, unit, row, input, output, values: [] };
     input.addEventListener("input", () => { this.move(made); });
@@ -190,8 +189,8 @@ export class Ways {
   private move(slider: Slider): void {
     const wished = slider.values[Number(slider.input.value)];
     if (wished === undefined) return;
-    const present = this.present?.costs ?? {};
-    this.pick = this.nearest({ ...present, [slider.name]: wished }, slider.name) ?? null;
+    const like = this.options.all.filter(({ costs }) => (costs[slider.name] ?? 0) === wished);
+    this.pick = this.nearest(this.present?.costs ?? {}, like) ?? null;
     this.showPick();
     this.user.picked();
   }
@@ -201,16 +200,16 @@ export class Ways {
     return this.pick ?? this.options.all.find((option) => this.isDriven(option)) ?? this.options.cards[0] ?? this.options.all[0];
   }
 
-  /** The way whose costs are nearest to wished ones, above all in one criterion. */
-  private nearest(wished: Readonly<Record<string, number>>, first: string | null): Option | undefined {
+  /** The way among some whose costs, each as a share of its range, are nearest to wished ones. */
+  private nearest(wished: Readonly<Record<string, number>>, among: readonly Option[]): Option | undefined {
     const distance = ({ costs }: Option): number =>
       this.sliders.reduce((sum, { name, values }) => {
         const range = (values.at(-1) ?? 0) - (values[0] ?? 0);
         const gap = range > 0 ? ((costs[name] ?? 0) - (wished[name] ?? 0)) / range : 0;
-        return sum + (first === null ? 1 : name === first ? 1 / OTHERS : OTHERS) * gap * gap;
+        return sum + gap * gap;
       }, 0);
-    const distances = this.options.all.map(distance);
-    return this.options.all[distances.indexOf(Math.min(...distances))];
+    const distances = among.map(distance);
+    return among[distances.indexOf(Math.min(...distances))];
   }
 
   private showPick(): void {
