@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -86,7 +87,7 @@ class Guest:
         return box["x"] + box["width"] / 2 + scale * (x - 3.5), box["y"] + box["height"] / 2 - scale * (y - 2.5)
 
     def in_view(self, ahead: float, left: float, up: float) -> tuple[float, float]:
-        """Return the pixel at which the camera sees a point, m, relative to the camera; the angle of view is 1.2 rad."""
+        """Return the pixel at which the camera sees a point, m, relative to the camera; it sees 1.2 rad."""
         box = self.page.locator("#seen").bounding_box()
         assert box is not None
         half = math.tan(0.6)
@@ -253,7 +254,7 @@ def test_a_hidden_page_brakes_the_robot_and_the_head_is_told_thirty_times_a_seco
         guest.until(lambda: guest.of("state")[-1]["moving"])
         guest.until(lambda: len(guest.asked("head")) > 1)
         times = [sample[0] for batch in guest.asked("head") for sample in batch["samples"]]
-        gaps = [after - before for before, after in zip(times, times[1:], strict=False)]
+        gaps = [after - before for before, after in pairwise(times)]
         assert sum(gaps) / len(gaps) >= 32.0  # ms: not more often
         guest.page.evaluate("Object.defineProperty(document, 'hidden', {get: () => true})")
         guest.until(lambda: guest.of("state")[-1]["braked"] == "nobody drives" and not guest.of("state")[-1]["moving"])
