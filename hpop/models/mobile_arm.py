@@ -49,6 +49,7 @@ from hpop.models.rigid import (
 )
 from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers, pairs_apart
+from hpop.models.serial_arm.checks import check_touches
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.judge import LIBRARIES
 from hpop.models.serial_arm.kinematics import Kinematics
@@ -119,8 +120,21 @@ class MobileArm(OnBase, Model):
         return {name: float(getattr(state, name)[0]) for name in self.joints}
 
     def with_scene(self, world: World) -> MobileArm:
-        """Return this robot with the objects that a planning scene attaches to the links of its arm."""
-        arm = self.arm.with_scene(world)
+        """Return this robot with the objects that a planning scene attaches to the links of its arm.
+
+        Raises ModelError as :meth:`hpop.SerialArm.with_scene` does; an object may also touch the base.
+        """
+        robot = self._with_attached(world)
+        check_touches(robot.arm.attached, self.links, world)
+        return robot
+
+    @property
+    def links(self) -> frozenset[str]:
+        """Names of all links of the arm, and of the base."""
+        return self.arm.links | {PLATFORM}
+
+    def _with_attached(self, world: World) -> MobileArm:
+        arm = self.arm.with_attached(world)
         return self if arm is self.arm else replace(self, arm=arm)
 
     # Structure
@@ -224,7 +238,7 @@ class MobileArm(OnBase, Model):
 
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
         """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
-        own = self.with_scene(world)
+        own = self._with_attached(world)
         touching = own.arm.touching | own._touching
         return own.chain, own.parts, pairs_apart(own.parts, own.apart, touching, world.link_rules), world
 

@@ -176,6 +176,7 @@ class Model(Protocol):
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
     with_scene     method: takes a world, returns the robot with the objects that a planning scene attaches to its links
                    (``world.link_rules``); default: the robot as it is
+    links          names of links, to which rules of a planning scene (``world.link_rules``) apply; default: none
     joinable       method: takes states a and b (M,), returns a mask (M,): whether ``connect`` leads from a to b itself,
                    not to a later state; default all True
     judge_by       method: takes the name of a collision library and a world, returns the collision test for
@@ -303,6 +304,10 @@ class Model(Protocol):
         def with_scene(self, world: World) -> Model:
             return self
 
+        @property
+        def links(self) -> frozenset[str]:
+            return frozenset()
+
         def joinable(self, a: States, b: States) -> BoolArray:
             return np.ones(a.size, dtype=np.bool_)
 
@@ -399,6 +404,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "notes": (),
     "judge_by": _judge_by,
     "with_scene": lambda model, world: model,
+    "links": frozenset(),
     "joinable": lambda model, a, b: np.ones(a.size, dtype=np.bool_),
 }
 """Values of a model's optional members."""

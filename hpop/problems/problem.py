@@ -120,12 +120,13 @@ class Problem:
         object.__setattr__(self, "horizon", horizon)
         object.__setattr__(self, "tour", stops)
         unseen = notes_on_landmarks(world, model, begin, checked)
-        object.__setattr__(self, "notes", (*notes, *touching, *unseen))
+        object.__setattr__(self, "notes", (*notes, *touching, *unseen, *world.link_rules.notes_on(model.links)))
         object.__setattr__(self, "model", model)
         object.__setattr__(self, "start", model.space.values(begin))
         object.__setattr__(self, "goal", checked_goal(goal, model.space))
         if absent := sorted(self.target.requires - model.provides):
             raise QueryError(f"the goal {self.goal} needs a model with {', '.join(absent)}; take another goal or model")
+        self.target.reached(model, begin)  # raises the errors of a goal that no state of the model can reach
         object.__setattr__(self, "criteria", checked)
         object.__setattr__(self, "quanta", {name: float(quantum) for name, quantum in (quanta or {}).items()})
 

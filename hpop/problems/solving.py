@@ -22,7 +22,7 @@ from hpop.criteria.visits import all_visits, hidden_targets, missed_weights
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
 from hpop.frontier.union import JOINT
-from hpop.goals import Goal
+from hpop.goals import Goal, GoalSet
 from hpop.motions import Model, States
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of
 from hpop.planners.judgement import evaluable_in_time
@@ -66,6 +66,19 @@ def notes_on_targets(world: World, model: Model, goal: Goal, trajectories: Seque
                 "criterion 'occlusion'"
             )
     return tuple(notes)
+
+
+def notes_on_goals(problem: Problem) -> tuple[str, ...]:
+    """Return notes for the user on blocked states in a list of goals; states with free angles are not looked at."""
+    alternatives = problem.target.alternatives()
+    listed = [values for each in alternatives for values in each.listed if None not in values]
+    if len(listed) < 2 and len(alternatives) < 2:
+        return ()
+    space, collision = problem.model.space, problem.model.collision(problem.world)
+    reasons = [(values, collision.why_blocked(space.state(values))) for values in listed]
+    return tuple(
+        f"{GoalSet((values,))}, one of several goals, is left out: {reason}" for values, reason in reasons if reason
+    )
 
 
 def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iterable[Criterion]) -> tuple[str, ...]:
@@ -213,6 +226,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         *_empty_groups(problem.criteria),
         *problem.model.notes,
         *problem.notes,
+        *notes_on_goals(problem),
         *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
     ]
     world = problem.world

@@ -8,7 +8,7 @@ that links carry.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,8 +19,8 @@ from shapely.geometry.base import BaseGeometry
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import LEAST, MOST, real
-from hpop.base.text import shown
-from hpop.errors import MapError
+from hpop.base.text import counted, shown
+from hpop.errors import MapError, did_you_mean
 from hpop.runtime import limits
 from hpop.world.content.content import Content
 from hpop.world.geometry.shapes import Obstacle, Raster
@@ -210,6 +210,8 @@ Pair = tuple[str, str]
 """Names of two bodies, in alphabetical order."""
 MOST_ATTACHED = 100
 """Largest number of objects attached to links."""
+MOST_NAMED = 8
+"""Largest number of links that a note names."""
 WIDEST = 10.0
 """Largest padding of a link, m."""
 
@@ -245,6 +247,18 @@ class LinkRules:
             return self.pairs[pair]
         given = [self.others[name] for name in pair if name in self.others]
         return bool(given) and all(given)
+
+    def notes_on(self, links: Iterable[str]) -> Iterator[str]:
+        """Yield a note on padding and scale of links that a robot with these links does not have."""
+        changed = {name for name, by in self.padding.items() if by} | {
+            name for name, by in self.scale.items() if by != 1.0
+        }
+        if strange := sorted(changed.difference(links)):
+            listed = ", ".join(map(shown, strange[:MOST_NAMED])) + (", ..." if len(strange) > MOST_NAMED else "")
+            yield (
+                f"the scene pads or scales {counted(len(strange), 'link')} that the robot does not have, to no effect: "
+                f"{listed}." + did_you_mean(strange[0], links)
+            )
 
     def __bool__(self) -> bool:
         return bool(self.padding or self.scale or self.pairs or self.others or self.attached)

@@ -116,4 +116,4 @@ def test_joints_within_tolerances_are_reached_and_no_others(tmp_path):
 )
 def test_joints_that_cannot_be_are_refused(values, tolerance, said):
     with pytest.raises(QueryError, match=said):
-        problem(JointsAt(values, tolerance)).solve("roadmap", samples=10)
+        problem(JointsAt(values, tolerance))

@@ -47,6 +47,8 @@ def test_members_that_are_blocked_are_left_out_unless_all_are() -> None:
     for planner in ({"lattice": {"step": 0.5}}, {"roadmap": {"samples": 30}}):
         front = problem([blocked, free]).solve(planner)
         assert len(front)
+        (note,) = [note for note in front.notes if "left out" in note]
+        assert note.startswith("(2.5, 2, 0), one of several goals, is left out: ")
         assert verify(problem(free), front) == []
         with pytest.raises(QueryError) as error:
             problem([blocked, (2.6, 2.0, 0.0)]).solve(planner)

@@ -289,6 +289,7 @@ class ArmFile(NamedTuple):
     apart     pairs of links that are not tested for collision: they touch by design, or the SRDF excludes them
     notes     sentences for the user on oddities in the files that do not prevent their use
     states    values of the chain's joints, by the name of each named state
+    links     names of all links of the URDF
     unnamed   reason why a name is no usable state, by name: states of the SRDF that lack a joint's value; without an
               SRDF, one reason for all names, under ""
     hashes    SHA-256 of the URDF, then of each collision mesh, in the order in which the URDF first names them
@@ -304,6 +305,7 @@ class ArmFile(NamedTuple):
     unnamed: Mapping[str, str]
     hashes: tuple[str, ...]
     srdf_hash: str | None
+    links: frozenset[str]
 
 
 def read_arm(
@@ -363,7 +365,8 @@ def read_arm(
     states = {} if semantics is None else _named_states(chain, semantics)
     unnamed = {"": NO_SRDF} if semantics is None else _incomplete_states(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
-    return ArmFile(chain, parts, touching, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash)
+    links = frozenset(robot.links)
+    return ArmFile(chain, parts, touching, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash, links)
 
 
 def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:

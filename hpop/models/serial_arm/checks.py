@@ -22,6 +22,7 @@ from hpop.models.files import is_record, path_of
 from hpop.models.serial_arm.urdf import Robot, Semantics
 from hpop.models.serial_arm.xml import pose_of
 from hpop.models.speeds import MOST_CLASSES
+from hpop.world import World
 
 FARTHEST = 1e4  # m: largest coordinate in the options `base` and `camera`
 SLOWEST = 1e-6
@@ -83,6 +84,23 @@ def checked_shares(given: Any) -> tuple[float, ...]:
     return shares
 
 
+def check_touches(attached: Iterable[Mapping[str, Any]], links: Iterable[str], world: World) -> None:
+    """Raise ModelError if an attached object may touch something that is no link, attached object or obstacle."""
+    known = {*links, *(each["name"] for each in attached)}
+    for each in attached:
+        if strange := [name for name in each.get("touches", ()) if name not in known]:
+            known |= {solid.name for solid in world.bodies}
+            strange = [name for name in strange if name not in known]
+        if strange:
+            raise ModelError(
+                f"touches of the attached object {shown(each['name'])} must be names of links, attached objects or "
+                f"obstacles, got {shown(strange[0])}; there are {_names_text(sorted(known), MOST_KNOWN)}."
+                + did_you_mean(strange[0], known)
+            )
+
+
+MOST_KNOWN = 40
+"""Largest number of names in an error."""
 MOST_NAMED = 8
 """Largest number of names in a note."""
 
@@ -137,7 +155,7 @@ def _unknown_note(what: str, strange: list[str], known: Iterable[str]) -> str:
     )
 
 
-def _names_text(names: list[str]) -> str:
-    """Return names as text, separated by commas; after eight names, only the number of the others."""
-    more = [f"{len(names) - MOST_NAMED:,} more"] if len(names) > MOST_NAMED else []
-    return ", ".join([*map(shown, names[:MOST_NAMED]), *more])
+def _names_text(names: list[str], most: int = MOST_NAMED) -> str:
+    """Return names as text, separated by commas; after the first ones, only the number of the others."""
+    more = [f"{len(names) - most:,} more"] if len(names) > most else []
+    return ", ".join([*map(shown, names[:most]), *more])

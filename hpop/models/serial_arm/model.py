@@ -23,6 +23,7 @@ from hpop.models.serial_arm.arm_file import ArmFile, read_arm
 from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, attached_objects, frames, levers, pairs_apart
 from hpop.models.serial_arm.checks import (
     SLOWEST,
+    check_touches,
     checked_mapping,
     checked_numbers,
     checked_shares,
@@ -180,7 +181,16 @@ class SerialArm(Model):
         return replace(self, attached=list(attached))  # type: ignore[arg-type]  # checked there
 
     def with_scene(self, world: World) -> SerialArm:
-        """Return this arm with the objects that a planning scene attaches to its links, besides those in its hand."""
+        """Return this arm with the objects that a planning scene attaches to its links, besides those in its hand.
+
+        Raises ModelError if an object in the hand may touch something that is neither a link nor an obstacle.
+        """
+        arm = self.with_attached(world)
+        check_touches(arm.attached, self.links, world)
+        return arm
+
+    def with_attached(self, world: World) -> SerialArm:
+        """Return :meth:`with_scene`, whatever the objects may touch."""
         held = {each["name"] for each in self.attached}
         more = [each for each in world.link_rules.attached if each["name"] not in held]
         return self.holding(*self.attached, *more) if more else self
@@ -206,6 +216,11 @@ class SerialArm(Model):
     def parts(self) -> tuple[ArmPart, ...]:
         """Collision geometry: solids on the links."""
         return self._arm.parts
+
+    @property
+    def links(self) -> frozenset[str]:
+        """Names of all links of the URDF."""
+        return self._arm.links
 
     @property
     def apart(self) -> frozenset[Pair]:
@@ -382,7 +397,7 @@ class SerialArm(Model):
 
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
         """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
-        arm = self.with_scene(world)
+        arm = self.with_attached(world)
         return arm.chain, arm.parts, pairs_apart(arm.parts, arm.apart, arm.touching, world.link_rules), world
 
     def describe(self) -> dict[str, Any]:

@@ -246,13 +246,22 @@ class TwoArms(Model):
     # Collision tests
 
     def with_scene(self, world: World) -> TwoArms:
-        """Return this model; raise ModelError if the scene attaches objects to links: it does not say of which arm."""
+        """Return this model; raise ModelError if the scene attaches objects to links: it does not say of which arm.
+
+        Raises ModelError as :meth:`hpop.SerialArm.with_scene` does, too.
+        """
         if names := ", ".join(repr(each["name"]) for each in world.link_rules.attached):
             raise ModelError(
                 f"two arms do not take the objects that a scene attaches to links ({names}); remove them from the "
                 "scene, and give them to the arm that holds them, with its option attached or SerialArm.holding"
             )
+        self.view.with_scene(world)
         return self
+
+    @property
+    def links(self) -> frozenset[str]:
+        """Names of all links of the viewing arm."""
+        return self.view.links
 
     def collision(self, world: World) -> TwoArmsCollision:
         """Return the collision test for planning, with proofs for whole motions of both arms."""

@@ -1,6 +1,7 @@
 """Objects in the hand are parts of the arm: they collide as a link of the URDF does that has their shape."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hpop.models import MobileArm, SerialArm
 from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
 from hpop.world import Box, Solid, World, pose_at
+from hpop.world.bodies import LinkRules
 from tests.models.serial_arm.arms import CRANE, HERE, arm6, crane
 
 BAR = {"name": "bar", "link": "jib", "box": (0.02, 0.02, 0.5), "position": (0.1, 0.0, -0.3), "rpy": (0.1, 0.0, 0.0)}
@@ -147,3 +149,30 @@ def test_what_a_scene_attaches_is_a_part_of_the_arm(tmp_path):
     assert robot.arm == holding
     with pytest.raises(ModelError, match="the attached object 'cup' must be on a link of this file"):
         Problem(world, crane(tmp_path), (0, 0, 0, 0), (0.1, 0, 0, 0), ["duration"])
+
+
+@pytest.mark.parametrize("based", [False, True])
+def test_what_an_object_may_touch_must_exist(tmp_path, based):
+    def problem(*touches, solids=BLOCKS):
+        arm = crane(tmp_path, attached=[BAR | {"touches": touches}])
+        model = MobileArm(arm, folded=(0.0, 0.0, 0.0, 0.0)) if based else arm
+        return Problem(
+            World.from_solids(solids),
+            model,
+            (0,) * len(model.space.names),
+            (0.1,) * len(model.space.names),
+            ["duration"],
+        )
+
+    problem("mast", "block0", "bar", *(["mobile base"] if based else []))
+    with pytest.raises(ModelError, match=r"'bar' must be names of links, .* got 'blokc0'; .*'block0', .*'boom'.*Did"):
+        problem("mast", "blokc0")
+    with pytest.raises(ModelError, match="got 'block0'; there are 'bar', 'block1'"):
+        problem("block0", solids=BLOCKS[1:])
+
+
+def test_an_object_of_a_scene_may_touch_nothing_that_does_not_exist(tmp_path):
+    arm = crane(tmp_path)
+    rules = LinkRules(attached=({**BAR, "touches": ["boomm"]},))
+    with pytest.raises(ModelError, match=r"got 'boomm'; .* Did you mean 'boom'"):
+        Problem(replace(World.from_solids(BLOCKS), link_rules=rules), arm, (0,) * 4, (0.1,) * 4, ["duration"])

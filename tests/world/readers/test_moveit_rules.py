@@ -7,6 +7,7 @@ import fcl
 import numpy as np
 import pytest
 
+import hpop
 from hpop.errors import MapError, ModelError
 from hpop.models import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, enlarged_parts
@@ -242,3 +243,17 @@ def test_frames_are_followed_to_the_planning_frame(tmp_path):
 def test_frames_in_a_circle_are_refused(tmp_path, frames, said):
     with pytest.raises(MapError, match=said):
         world_of(tmp_path, fixed_frame_transforms=frames)
+
+
+def test_padding_and_scale_of_links_that_the_robot_lacks_are_noted_in_a_front(tmp_path):
+    padding = [{"link_name": name, "padding": by} for name, by in (("jibb", 0.1), ("jib", 0.1), ("finger", 0.0))]
+    world = world_of(tmp_path, link_padding=padding, link_scale=[{"link_name": "lid", "scale": 1.1}])
+    robots = [(crane(tmp_path), 2), (hpop.DifferentialDrive(), 3)]
+    for model, count in robots:
+        size = len(model.space.names)
+        problem = hpop.Problem(world, model, (0,) * size, (0.1,) * size, ["duration"])
+        (note,) = [note for note in problem.notes if "pads or scales" in note]
+        assert note.startswith(
+            f"the scene pads or scales {count} links that the robot does not have, to no effect: 'jib"
+        )
+        assert ("Did you mean 'jib'" in note) == (count == 2)
