@@ -141,9 +141,8 @@ def _passing(problem: Problem, front: Front, passage: Passage, spec: PlannerSpec
         names = {criterion.name for criterion in (*objectives.optimised, *objectives.filters)}
         if names == set(front.names) and not is_toured:
             return _searched(problem, passage, planner, family, objectives)
-    passes = np.array([passage.holds(trajectory) for trajectory in front.trajectories])
     words = f"rows of the front that pass {passage.words}; {OTHERS}"
-    return _Found(replace(front[passes], certificate=words), exact=False)
+    return _Found(replace(front[passage.holds(front.trajectories)], certificate=words), exact=False)
 
 
 def planner_of_point(origin: Mapping[str, Any]) -> Planner | None:
@@ -178,7 +177,7 @@ def _searched(
     if candidates.status is Status.NO_PATH:
         space, timing = query.space, query.timing
         reason = space.what_separates(query.start, query.goals) if timing is None else timing.what_blocks(query)
-    if not all(map(passage.holds, found.trajectories)):
+    if not passage.holds(found.trajectories).all():
         found = replace(found, certificate=f"NOT VALID: a path does not pass, please report ({found.certificate})")
     names = [criterion.name for criterion in candidates.objectives]
     off = dict(zip(names, candidates.tolerance.max(axis=0, initial=0.0).tolist(), strict=True))
@@ -268,7 +267,8 @@ class _Comparison:
     def _passing_rows(self, rows: tuple[int, ...]) -> str:
         """Return the rows of the front that satisfy the condition, or whose costs a path has that does, as a clause."""
         passage = self.passage
-        own = [i for i in rows if passage is None or passage.holds(self.front.trajectories[i])]
+        passes = None if passage is None else passage.holds(self.front.trajectories)
+        own = [i for i in rows if passes is None or passes[i]]
         listed = some([str(i) for i in own or rows])
         noun = "row" if len(own or rows) == 1 else "rows"
         if passage is None:

@@ -186,7 +186,7 @@ def test_passing_a_position_is_a_tour_with_one_stop_there(people: Any, at: tuple
     assert len(toured)
     assert np.allclose(answer.front.costs, toured.costs, atol=1e-6)
     assert verify(problem, answer.front) == []
-    assert all(passage_of(problem, shapely.Point(at).buffer(0.05)).holds(t) for t in answer.front.trajectories)
+    assert passage_of(problem, shapely.Point(at).buffer(0.05)).holds(answer.front.trajectories).all()
 
 
 def test_among_people_each_path_passes_on_one_side() -> None:

@@ -90,16 +90,28 @@ class Passage:
             return np.zeros(np.shape(x), np.bool_)
         return np.asarray(shapely.dwithin(shapely.points(x, y), self.shape, self.within))
 
-    def holds(self, trajectory: Trajectory) -> bool:
-        """Return whether a trajectory passes; curves are sampled."""
-        laws = laws_of(trajectory.model)
-        states = trajectory.states
-        if any(is_curve(laws[kind]) for kind in trajectory.kinds):
-            count = int(trajectory.duration / SAMPLED) + 2
-            states = trajectory.at(np.union1d(np.linspace(0.0, trajectory.duration, count), trajectory.times))
-        x, y = states.x, states.y
-        passed = int(self.made(x[:-1], y[:-1], x[1:], y[1:]).sum())
-        return passed % 2 == 1 if self.across else bool(passed or self.contains(x[:1], y[:1])[0])
+    def holds(self, trajectories: Sequence[Trajectory]) -> BoolArray:
+        """Return which trajectories (n,) of a model pass; curves are sampled."""
+        parts = [_places(trajectory) for trajectory in trajectories]
+        if not parts:
+            return np.zeros(0, np.bool_)
+        sizes = np.array([len(part) for part in parts])
+        x, y = np.concatenate(parts).T
+        begins = np.cumsum(sizes) - sizes
+        owner = np.repeat(np.arange(sizes.size), sizes)
+        heads = np.delete(np.arange(x.size), begins)
+        made = self.made(x[heads - 1], y[heads - 1], x[heads], y[heads])
+        counts = np.bincount(owner[heads], made, minlength=sizes.size)
+        return counts % 2 == 1 if self.across else (counts > 0) | self.contains(x[begins], y[begins])
+
+
+def _places(trajectory: Trajectory) -> FloatArray:
+    """Return the positions (m, 2), m, between which a trajectory goes straight, or nearly so in sampled curves."""
+    states, laws = trajectory.states, laws_of(trajectory.model)
+    if any(is_curve(laws[kind]) for kind in set(trajectory.kinds)):
+        count = int(trajectory.duration / SAMPLED) + 2
+        states = trajectory.at(np.union1d(np.linspace(0.0, trajectory.duration, count), trajectory.times))
+    return np.stack([states.x, states.y], axis=1)
 
 
 @dataclass(frozen=True, eq=False)
