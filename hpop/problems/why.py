@@ -207,7 +207,7 @@ class _Comparison:
     def answer(self, row: int | None) -> WhyNot:
         """Return the answer, compared with a row of the front; None to choose the row."""
         if not len(self.able):
-            return self._answer(f"{self._none()}{self._doubt('another path may')}")
+            return self._answer(f"{self._none()}{self._doubt('another one may')}")
         costs, base = self._columns, self.front.costs
         more, off = costs[:, None] - base[None], self._off  # (a, n, k), (k,)
         same = np.minimum(off, SAME * np.abs(base).max(axis=0))
@@ -326,10 +326,11 @@ class _Comparison:
         limit = (
             "" if self.limit is None else f"{self.limit.words}{'' if reference is None else f' than row {reference}'}"
         )
+        none = "No path" if self.found.exact else "No path that was found"
         if self.passage is None:
-            return f"No path has {limit}."
+            return f"{none} has {limit}."
         reason = f": {self.found.reason}" if self.found.reason else ""
-        return f"No path passes {self.passage.words}{f' with {limit}' if limit else ''}{reason}."
+        return f"{none} passes {self.passage.words}{f' with {limit}' if limit else ''}{reason}."
 
     def _doubt(self, what: str) -> str:
         """Return the words that say so if not all paths that satisfy the condition are known."""

@@ -17,11 +17,14 @@ from shapely.geometry import LineString
 
 import hpop
 from hpop.errors import OptionError, QueryError, UnknownName
+from hpop.planners.graphs.family import make_family
 from hpop.problems.conditions import passage_of
 from hpop.problems.verify import verify
+from hpop.search import Graph
 from hpop.world import Ground, Person, World
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.geometry.shapes import Obstacle
+from tests.search.conftest import front_by_closure
 
 Walk = tuple[tuple[int, int], ...]
 ROBOT = hpop.DifferentialDrive(radius=0.2)
@@ -167,6 +170,26 @@ def crosses(trajectory: Any, sign: int) -> bool:
     places = list(zip(trajectory.states.x.tolist(), trajectory.states.y.tolist(), strict=True))
     line = LineString([(3.6 - 1e-9, 1.7 + 0.5 * sign), (3.6 - 1e-9, 1.7 + 9.0 * sign)])
     return sum(LineString(pair).intersects(line) for pair in pairwise(places) if pair[0] != pair[1]) % 2 == 1
+
+
+@pytest.mark.parametrize(
+    "planner", [{"lattice": {"step": 0.9, "anchor": "world"}}, {"roadmap": {"samples": 12}}], ids=["lattice", "roadmap"]
+)
+def test_paths_through_a_zone_are_those_of_a_closure_over_two_copies_of_the_graph(planner: Any) -> None:
+    problem = hall(criteria=["turns", "length"])
+    query = make_family(planner).query(problem)
+    graph, count = query.graph, query.space.size
+    states = query.space.states(np.arange(count))
+    tails, heads = np.repeat(np.arange(count), np.diff(graph.indptr)), graph.heads.astype(np.int64)
+    ends = [[(states.x[a], states.y[a]), (states.x[b], states.y[b])] for a, b in zip(tails, heads, strict=True)]
+    there = np.array([LineString(pair).intersects(ZONE.area) if pair[0] != pair[1] else False for pair in ends])
+    arcs = [(tails, heads), (tails[there], heads[there] + count), (tails + count, heads + count)]
+    costs = np.concatenate([graph.costs, graph.costs[there], graph.costs])
+    both = Graph.from_arcs(2 * count, *map(np.concatenate, zip(*arcs, strict=True)), costs)
+    expected = front_by_closure(both, query.start, {goal + count for goal in query.goals})
+    answer = hpop.why_not(problem, problem.solve(planner), through="north aisle")
+    assert expected
+    assert np.allclose(answer.front.costs, np.array(expected) * query.quanta, atol=1e-4)
 
 
 ANN = Person(6.0, 2.6, velocity=(-0.5, 0.0), name="Ann")
@@ -374,10 +397,23 @@ def test_without_a_graph_to_search_the_rows_that_pass_are_told_and_nothing_is_cl
     assert answer.sentence.endswith("Not all paths were searched: other paths may be better.")
     nowhere = hpop.why_not(problem, other, region=(6.8, 3.2))
     assert nowhere.sentence == (
-        "No path passes within 0.5 m of (6.8, 3.2). Not all paths were searched: another path may."
+        "No path that was found passes within 0.5 m of (6.8, 3.2). Not all paths were searched: another one may."
     )
     given = hpop.why_not(problem, other, through=LEFT, planner={"lattice": {"step": 0.8}})
     assert given.exact
+
+
+@pytest.mark.proof
+def test_curves_are_followed() -> None:
+    problem = hall(criteria=["turns", "length"])
+    front = problem.solve({"smoothing": {"warm_start": {"lattice": {"step": 0.8}}}})
+    places = [trajectory.at(np.linspace(0.0, trajectory.duration, 2000)) for trajectory in front.trajectories]
+    above = [bool((states.y[np.abs(states.x - 3.6) < 0.1] > 1.7).all()) for states in places]
+    left, right = (front.why_not(through=side, problem=problem) for side in (LEFT, RIGHT))
+    assert (left.rows, right.rows) == tuple(
+        tuple(np.flatnonzero(np.array(above) == up).tolist()) for up in (True, False)
+    )
+    assert not left.exact
 
 
 def test_a_mean_over_time_is_not_searched() -> None:
