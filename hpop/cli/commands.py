@@ -57,6 +57,8 @@ if TYPE_CHECKING:
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 MOST_PORT = 65_535
+LIVE = "live"
+"""Example that ``hpop demo`` serves as ``hpop live`` does."""
 # NumPy starts an OpenBLAS thread for each further core, which spins for 2**26 cycles (25 ms) before it sleeps. 2**20
 # cycles suffice to bridge the pause between two products of large matrices.
 SPIN = "20"
@@ -183,13 +185,17 @@ def plan(
 @click.pass_context
 @user_errors
 def demo(context: click.Context, name: str, out: Path | None) -> None:
-    """Plan an example that comes with hpop.
+    """Plan an example that comes with hpop; the example live is driven in a browser instead.
 
     NAME is the example, by default the museum tour. Its scenario and map are copied to the folder, so that you can
     change them and plan again.
     """
     out = out or Path("out", name)
     scenario = examples.copied(name, out)
+    if name == LIVE:
+        echo(f"`hpop live {argument(scenario)}` serves it again")
+        context.invoke(live, scenario=scenario, out=out)
+        return
     echo(f"planning {scenario}: change it, and `hpop plan {argument(scenario)} --out {argument(out)}` plans it again")
     context.invoke(plan, scenario=scenario, out=out)
 

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -23,55 +23,85 @@ PORT = 8020
 
 @click.command()
 @click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--replay", is_flag=True, help="SCENARIO is the record of a session: show that session again.")
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]")
 @click.option("--network", is_flag=True, help="Serve other machines in the network too, over https: needs hpop[serve].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the record. [out/SCENARIO]")
+@click.option("--delay", type=click.FloatRange(0, 1), default=0.0, metavar="S", help="Delay of commands, s. [0]")
+@click.option("--slip", type=click.FloatRange(0, 0.5), default=0.0, metavar="SHARE", help="Slip of the wheels. [0]")
+@click.option("--noise", type=click.FloatRange(0, 1), default=0.0, metavar="M", help="Noise of the position, m. [0]")
+@click.option(
+    "--crowd",
+    type=click.IntRange(0, 1000),
+    default=0,
+    metavar="N",
+    help="People who walk about and avoid the robot, in place of those of the scenario: needs hpop[crowd]. [0]",
+)
 @imports_option
 @user_errors
-def live(scenario: Path, port: int, network: bool, out: Path | None, imports: tuple[str, ...]) -> None:
+def live(
+    scenario: Path,
+    replay: bool = False,
+    port: int = PORT,
+    network: bool = False,
+    out: Path | None = None,
+    imports: Sequence[str] = (),
+    **simulator: Any,
+) -> None:
     """Serve a live session: choose a destination, be offered ways, drive.
 
-    SCENARIO is a YAML file; its robot starts at its start. One viewer drives, others watch. Every event is recorded.
-    Runs until Ctrl-C.
+    SCENARIO is a YAML file; a simulated robot begins at its start. One viewer drives, others watch. Each event is
+    recorded at once. Runs until Ctrl-C.
     """
-    serve(scenario, port=port, network=network, out=out, imports=imports)
-
-
-def serve(scenario: Path, *, port: int, network: bool, out: Path | None, imports: Sequence[str]) -> None:
-    """Serve a live session of a scenario until Ctrl-C, and print its addresses."""
     serving = cli.serving
     here = serving.own_address() if network else serving.LOCAL
     certificate = serving.certificate_for(here) if network else None
-    with server_of(
-        scenario,
-        out or Path("out", scenario.stem),
-        imports,
-        port=port,
-        host=serving.EVERYWHERE if network else serving.LOCAL,
-        names=[here],
-        secured=None if certificate is None else serving.context_of(certificate),
-    ) as server:
-        echo(f"drive: {server.address(here)}")
+    options: dict[str, Any] = {
+        "port": port,
+        "host": serving.EVERYWHERE if network else serving.LOCAL,
+        "names": [here],
+        "secured": None if certificate is None else serving.context_of(certificate),
+    }
+    if replay:
+        server = replay_of(scenario, **options)
+    else:
+        server = server_of(scenario, out or Path("out", scenario.stem), imports, simulator, **options)
+    with server:
+        if not replay:
+            echo(f"drive: {server.address(here)}")
         echo(f"watch: {server.address(here, drives=False)}")
         if certificate is not None:
-            echo(f"the browser warns of the certificate; its SHA-256 fingerprint is {certificate.fingerprint}")
-        echo(f"record: {server.session.record.path}")
+            echo(f"the browser warns of the certificate, whose SHA-256 fingerprint is {certificate.fingerprint}")
+        if (record := server.session.record_path) is not None:
+            echo(f"record: {record}")
         server.serve_forever()
 
 
-def server_of(scenario: Path, out: Path, imports: Sequence[str], **options: object) -> LiveServer:
+def server_of(
+    scenario: Path, out: Path, imports: Sequence[str] = (), simulator: dict[str, Any] | None = None, **options: Any
+) -> LiveServer:
     """Return the server of a live session, whose record is a new file in the folder ``out``."""
     from hpop.live.process import PlannerProcess
     from hpop.live.record import Record
     from hpop.live.scene import scene_of
     from hpop.live.server import LiveServer
     from hpop.live.session import LiveSession
+    from hpop.live.simulator import SimulatorOptions
     from hpop.scenario import load_scenario
 
     cli.user_code.register(imports)
-    problem = load_scenario(scenario).problem
-    name = time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
-    record = Record(out / name, {"scenario": str(scenario)})
+    problem, simulated = load_scenario(scenario).problem, SimulatorOptions(**(simulator or {}))
     scene = scene_of(problem, scenario.stem)
-    session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports))
-    return LiveServer(session, **options)  # type: ignore[arg-type]
+    name = time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
+    record = Record(out / name, {"scenario": str(scenario), "simulator": vars(simulated), "scene": scene})
+    session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), simulated)
+    return LiveServer(session, **options)
+
+
+def replay_of(record: Path, **options: Any) -> LiveServer:
+    """Return the server that shows a recorded session again."""
+    from hpop.live.record import read_record
+    from hpop.live.replay import Replay
+    from hpop.live.server import LiveServer
+
+    return LiveServer(Replay(read_record(record)), **options)

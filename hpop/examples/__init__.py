@@ -24,6 +24,7 @@ HERE = Path(__file__).parent
 ARM = ("arm/arm6.urdf", "arm/arm6.srdf")
 SCENARIOS = {
     "museum": ("museum.yaml", "museum.geojson"),
+    "live": ("live.yaml", "museum.geojson"),
     "museum_planners": ("museum_planners.yaml", "museum.geojson"),
     "arm_shelf": ("arm_shelf.yaml", *ARM),
     "mobile_arm": ("mobile_arm.yaml", *ARM),

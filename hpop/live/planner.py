@@ -22,7 +22,7 @@ from hpop.drive.options import Options
 from hpop.drive.plan import joined
 from hpop.drive.script import follow
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.errors import DriveError, HpopError, QueryError
+from hpop.errors import CriterionError, DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, cards, described, first_turn, line_of, nearest_to_push
 from hpop.live.places import Destination, destination_of
 from hpop.models.execution import Ramps
@@ -38,7 +38,7 @@ Pose = tuple[float, float, float]
 
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
-LEAD_AMONG_PEOPLE = 3.0
+LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
 LIKE = 0.6
 """Largest mean distance, m, between a way that was chosen too late and the one that is taken in its place."""
@@ -99,8 +99,8 @@ class LivePlanner:
             )
         self.preference = scenario.preference
         planner = scenario.planners[0]
-        self.template = replace(problem, tour=None) if problem.tour is not None else problem
-        self.planning = Planning(problem.world, problem.model, problem.criteria, planner)
+        self.template = _bare(problem)
+        self.planning = Planning(self.template.world, problem.model, problem.criteria, planner)
         self.surroundings = DriveSurroundings.of(self.template, 0.0, self.planning.planner.margin)
         ramps = Ramps.of(problem.model)
         self.brakes = 0.0 if ramps is None else ramps.half
@@ -416,6 +416,19 @@ def _plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives
     """Return a plan for the robot; ``elapsed`` is the time of the plan, s, at the time ``now`` of the session."""
     told = {"now": now, "elapsed": elapsed, "arrives": arrives}
     return {"type": "plan", **told, "trajectory": trajectory.describe(), "line": line_of(trajectory)}
+
+
+def _bare(problem: Problem) -> Problem:
+    """Return a problem without tour and, unless a criterion needs them, without people, who are told as they are seen.
+
+    People who are needed are predicted for `HORIZON` s at most.
+    """
+    content = problem.world.content
+    fixed = {"landmarks": content.landmarks, "zones": content.zones}
+    try:
+        return replace(problem, tour=None, world=problem.world.with_content(**fixed))
+    except CriterionError:
+        return replace(problem, tour=None, horizon=min(problem.horizon or HORIZON, HORIZON))
 
 
 def _apart(chosen: Trajectory, other: Trajectory) -> float:

@@ -17,8 +17,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hpop.live.session import LiveSession
-from hpop.live.viewer import Viewer
+from hpop.live.viewer import Audience, Viewer
 from hpop.runtime.page_server import LOCAL, PageServer, same
 from hpop.view.single_page import bundle, single_page
 
@@ -41,7 +40,7 @@ class LiveServer(PageServer):
 
     def __init__(
         self,
-        session: LiveSession,
+        session: Audience,
         *,
         port: int = 0,
         host: str = LOCAL,

@@ -14,10 +14,11 @@ from typing import Any
 from hpop.live.messages import WATCHING
 from hpop.live.process import PlannerProcess
 from hpop.live.record import Record, utc
-from hpop.live.robot import PlayedRobot
+from hpop.live.simulator import LiveRobot, SimulatorOptions, ToldPeople, people_of
 from hpop.live.viewer import Audience, Viewer
 from hpop.models.execution import clearance_radius
 from hpop.problems.problem import Problem
+from hpop.simulation import Walking
 from hpop.trajectories.trajectory import Trajectory
 
 TICK = 0.02
@@ -34,10 +35,19 @@ ANNOUNCED = 3.0
 """Time, s, before a turn at which it is announced."""
 RENEWED = 1.0
 """Least time, s, between offers of new ways while the robot drives."""
-BEFORE_PEOPLE = 0.3
+SEEN = 1.5
+"""Least time, s, between two predictions of the people."""
+PREDICTED = 4.0
+"""Time, s, after which people are predicted anew."""
+LOOKS = tuple(0.2 * i for i in range(1, 8))
+"""Moments of a look ahead at people, as shares of the time to brake."""
+BEFORE_PEOPLE = 0.15
 """Distance, m, that the robot keeps from people when it brakes before them."""
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
+
+
+EXACT = SimulatorOptions()
 
 
 class LiveSession(Audience):
@@ -55,15 +65,18 @@ class LiveSession(Audience):
         scene: Mapping[str, Any],
         record: Record,
         planner: Callable[[Callable[[dict[str, Any]], None]], PlannerProcess],
+        simulator: SimulatorOptions = EXACT,
     ) -> None:
         super().__init__(scene)
-        self.problem, self.record = problem, record
+        self.problem, self.record, self.record_path = problem, record, record.path
         self.planner = planner(self._planned)
         values = dict(zip(problem.model.space.names, problem.start, strict=True))
-        self.robot = PlayedRobot(problem.model, (values["x"], values["y"], values["yaw"]))
+        self.robot = LiveRobot(problem.model, (values["x"], values["y"], values["yaw"]), simulator)
+        self._pedestrians = people_of(problem, simulator)
+        self._told_people = ToldPeople()
         self.reach = clearance_radius(problem.model, 0.0)
         self.driver: Viewer | None = None
-        self.people: list[tuple[float, float, float, float]] = []
+        self.people: list[Walking] = []
         self.settings = dict(SETTINGS)
         self.stopped = False
         self.braked = ""  # why the robot brakes
@@ -72,7 +85,7 @@ class LiveSession(Audience):
         self._closed: dict[str, Any] | None = None  # corners of closed areas by name; None before any change
         self._areas = 0
         self._pushed_at = 0.0
-        self._next = {"state": 0.0, "record": 0.0, "ways": 0.0}
+        self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
         self._has_arrived, self._announced = True, 0
 
     # Time
@@ -94,11 +107,8 @@ class LiveSession(Audience):
 
     def step(self, now: float) -> None:
         """Move people and robot on to a time of the session, and tell the viewers."""
-        self.people = [
-            (float(x), float(y), *self._velocity(person, now))
-            for person in self.problem.world.content.people
-            if not math.isnan(x := person.at(now)[0]) and (y := person.at(now)[1]) is not None
-        ]
+        people = self._pedestrians.advance(now, self.robot.base.pose)
+        self.people = [person for person in people if not math.isnan(person[0])]
         self._choose_driver(now)
         braked = self._why_braked(now)
         self.robot.advance(now, brakes=bool(braked))
@@ -119,11 +129,7 @@ class LiveSession(Audience):
             self._next["record"] = max(self._next["record"] + RECORDED, now - RECORDED)
             self.record.add(now, "state", {k: v for k, v in self.state(now).items() if k not in ("type", "at", "t")})
         self._renew(now)
-
-    @staticmethod
-    def _velocity(person: Any, now: float) -> tuple[float, float]:
-        (x0, x1), (y0, y1) = zip(person.at(now), person.at(now + 0.1), strict=True)
-        return 10.0 * (float(x1) - float(x0)), 10.0 * (float(y1) - float(y0))
+        self._see_people(now)
 
     def state(self, now: float) -> dict[str, Any]:
         """Return the message "state"."""
@@ -210,6 +216,7 @@ class LiveSession(Audience):
                     self.settings[values["name"]] = values["value"]
             case "destination":
                 self._goal = values
+                self._see_people(now, wanted=True)
                 self._ask("destination", goal=values)
             case "take":
                 self.stopped = False
@@ -267,7 +274,7 @@ class LiveSession(Audience):
         """Let the robot follow a plan."""
         trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
         elapsed = message["elapsed"] + self.now - message["now"]
-        self.robot.follow(trajectory, elapsed, message["arrives"])
+        self.robot.follow(trajectory, elapsed, arrives=message["arrives"])
         self._has_arrived = self._announced = False
         self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
 
@@ -288,6 +295,14 @@ class LiveSession(Audience):
             self._next["ways"] = now + RENEWED
             self._ask("options")
 
+    def _see_people(self, now: float, *, wanted: bool = False) -> None:
+        """Tell the planner of the people, if they are not where it predicts them while the robot drives."""
+        free = not self._has_arrived and not self.planner.is_busy and now >= self._next["people"]
+        if self.planner.is_ready and (wanted or free) and self._told_people.differ(self.people, now, PREDICTED):
+            self._next["people"] = now + SEEN
+            self._told_people.keep(self.people, now)
+            self._ask("people", people=self.people)
+
     # The robot
 
     def _why_braked(self, now: float) -> str:
@@ -304,14 +319,21 @@ class LiveSession(Audience):
         return "a person is in the way" if self._is_in_the_way() else ""
 
     def _is_in_the_way(self) -> bool:
-        """Return whether a person is, or will soon be, in the place where the robot comes to rest if it brakes now."""
+        """Return whether the robot would come too near to a person, as they walk now, before it could stand.
+
+        A robot that drives away from a person does not brake.
+        """
+        least = self.reach + self._pedestrians.radius + BEFORE_PEOPLE
+        here = self.robot.base.pose
         for px, py, vx, vy in self.people:
-            for clock in (0.0, 0.5 * self.robot.braking, self.robot.braking):
-                x, y = self.robot.ahead(clock)
-                if math.hypot(px + clock * vx - x, py + clock * vy - y) < self.reach + 0.25 + BEFORE_PEOPLE:
-                    now = math.hypot(px - self.robot.pose[0], py - self.robot.pose[1])
-                    if clock == 0.0 or math.hypot(px - x, py - y) < now + 0.1:
-                        return True
+            gap = math.hypot(px - here[0], py - here[1])
+            for seconds in LOOKS:
+                later = seconds * self.robot.braking
+                x, y = self.robot.ahead(later)
+                then = math.hypot(px + later * vx - x, py + later * vy - y)
+                stays = math.hypot(px + later * vx - here[0], py + later * vy - here[1])
+                if then < min(least, stays, gap):
+                    return True
         return False
 
     def _announce(self) -> None:

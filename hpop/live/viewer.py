@@ -7,6 +7,7 @@ import json
 import math
 from collections import deque
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from hpop.live.messages import checked
@@ -71,7 +72,10 @@ class Audience:
 
     scene   message "scene" without the role
     newest  newest message of each type of `KEPT`
+    record_path  file in which the session is recorded; None if it is not
     """
+
+    record_path: Path | None = None
 
     def __init__(self, scene: Mapping[str, Any]) -> None:
         self.scene = dict(scene)

@@ -47,7 +47,7 @@ def test_work_of_ones_own_is_not_overwritten(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
     [
-        (["muesum"], 2, "'muesum' is not one of 'arm_shelf', 'mobile_arm', 'museum', 'museum_planners'"),
+        (["muesum"], 2, "'muesum' is not one of 'arm_shelf', 'live', 'mobile_arm', 'museum', 'museum_planners'"),
         (["--out", ""], 2, "the current folder is '.'"),
         (["--out", HERE / "museum.yaml"], 12, "cannot write to"),
     ],

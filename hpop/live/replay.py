@@ -1,0 +1,49 @@
+"""Replay of a live session from its record: viewers see what was told, at the times at which it was told."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from hpop.live.viewer import Audience
+
+
+class Replay(Audience):
+    """A recorded session, which begins again when the first viewer comes after its end.
+
+    events  of the record (:func:`.record.read_record`)
+    """
+
+    def __init__(self, events: Sequence[Mapping[str, Any]]) -> None:
+        super().__init__(events[0]["scene"])
+        self.events = events[1:]
+        self._comes = asyncio.Event()
+
+    def greet(self, viewer: Any) -> None:
+        """Send the scene to a viewer, with whom the replay may begin."""
+        super().greet(viewer)
+        self._comes.set()
+
+    async def run(self) -> None:
+        """Tell the events again and again, each time from when a viewer is there."""
+        while True:
+            self._comes.clear()
+            if not any(viewer.greeted for viewer in self.viewers):
+                await self._comes.wait()
+            self.begin()
+            self.newest.clear()
+            for event in self.events:
+                await asyncio.sleep(max(0.0, event["t"] - self.now))
+                if (message := self._message(event)) is not None:
+                    self.tell(message)
+            self.note("the recorded session ends here; a viewer who comes now sees it from the beginning")
+            self._comes.clear()
+            await self._comes.wait()
+
+    @staticmethod
+    def _message(event: Mapping[str, Any]) -> Mapping[str, Any] | None:
+        """Return what viewers were told by an event of the record; None for other events."""
+        if event["event"] == "state":
+            return {**event, "type": "state"}
+        return event["message"] if event["event"] == "told" else None

@@ -1,0 +1,201 @@
+"""Simulator of a live session: the base that follows the plan, and the people around it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from hpop.base.math import wrap
+from hpop.drive.options import perceived_motions
+from hpop.models.execution import clearance_radius
+from hpop.motions import Model
+from hpop.problems.problem import Problem
+from hpop.simulation import Crowd, DriveLimits, Pedestrians, SimulatedBase, TrackedPeople, Tracker, Walking
+from hpop.trajectories.trajectory import Trajectory
+from hpop.world import Person
+
+Pose = tuple[float, float, float]
+
+NEAR = 4.0
+"""Time, s, around the expected one, within which the place of the robot on a new plan is looked for."""
+SAMPLED = 0.02
+"""Time between the poses of a plan that are compared with the robot's, s."""
+SAME = 1e-3
+"""Distance, m, up to which two places count as one."""
+STILL = 1e-3
+"""Speed, m/s or rad/s, below which the robot stands."""
+KEEPS = 0.1
+"""Distance, m, between the surfaces of the robot and of a visitor who waits before it."""
+ASTRAY = 0.4
+"""Distance, m, from the predicted place at which a person is told to the planner anew."""
+RADIUS = 0.25
+"""Radius of a person, m."""
+
+
+@dataclass(frozen=True)
+class SimulatorOptions:
+    """Options of the simulator.
+
+    delay  s, after which a command takes effect
+    slip   largest share by which a wheel drives less far than it turns
+    noise  m, of measured positions
+    crowd  number of people who walk about and avoid the robot; 0 for the people of the scenario
+    seed   of all random numbers
+    """
+
+    delay: float = 0.0
+    slip: float = 0.0
+    noise: float = 0.0
+    crowd: int = 0
+    seed: int = 0
+
+
+class AnnouncedTurn(NamedTuple):
+    """A turn of the executed plan: its begin, s, and its angle, rad, left positive."""
+
+    begin: float
+    angle: float
+
+
+class LiveRobot:
+    """Simulated robot that follows plans, and brakes when it is told to; then its plan waits.
+
+    turns    turns of the present plan
+    arrives  whether the present plan leads to the destination
+    braking  s, that braking from the largest speed takes
+    """
+
+    def __init__(self, model: Model, pose: Pose, options: SimulatorOptions) -> None:
+        self.base = SimulatedBase(model, pose, options.delay, options.slip, options.noise, options.seed)
+        limits = DriveLimits.of(model)
+        self.braking = limits.speed / limits.acceleration
+        self.turns: tuple[AnnouncedTurn, ...] = ()
+        self.arrives = False
+        self._delay = options.delay
+        self._tracker: Tracker | None = None
+        self._zero, self._now = 0.0, 0.0  # session's time at which the plan began, and now
+
+    @property
+    def pose(self) -> Pose:
+        """Measured pose: x m, y m, yaw rad."""
+        x, y, yaw = self.base.measured
+        return x, y, float(wrap(yaw))
+
+    @property
+    def clock(self) -> float:
+        """Time of the executed plan at which the robot is, s."""
+        return 0.0 if self._tracker is None else self._tracker.clock(self._now - self._zero)
+
+    @property
+    def stands(self) -> bool:
+        """Return whether the robot does not move."""
+        return max(map(abs, self.base.velocity)) < STILL
+
+    @property
+    def arrived(self) -> bool:
+        """Return whether the robot is at the end of a plan that leads to its destination."""
+        return self._tracker is not None and self.arrives and self._tracker.finished(self._now - self._zero)
+
+    def follow(self, trajectory: Trajectory, elapsed: float, *, arrives: bool) -> None:
+        """Continue with a plan, on which the robot is expected at the time ``elapsed``, s.
+
+        Plans among moving people keep their times, and may begin later than now (``elapsed`` is negative). On others
+        the robot continues from where it is.
+        """
+        done = trajectory.execution()
+        yaw = trajectory.model.space.names.index("yaw")
+        motions = perceived_motions(done)
+        self.turns = tuple(AnnouncedTurn(m.begin, float(m.change[yaw])) for m in motions if m.change[yaw])
+        self.arrives = arrives
+        clock = elapsed if trajectory.punctual else self._nearest(done, elapsed)
+        if self._tracker is None:
+            self._tracker = Tracker(trajectory, delay=self._delay)
+        self._zero = self._now - clock
+        self._tracker.follow(trajectory, max(clock, 0.0))
+
+    def _nearest(self, done: Trajectory, elapsed: float) -> float:
+        """Return the time of an executed plan, s, near an expected one at which it is at the robot's pose.
+
+        A robot that stands continues with the next motion.
+        """
+        times = np.append(np.arange(0.0, done.duration, SAMPLED), done.duration)
+        times = times[np.abs(times - np.clip(elapsed, 0.0, done.duration)) <= NEAR]
+        states = done.at(times)
+        here = self.base.measured
+        off = np.hypot(states.x - here[0], states.y - here[1]) + np.abs(wrap(states.yaw - here[2]))
+        near = np.flatnonzero(off <= off.min() + SAME)
+        return float(times[near[-1] if self.stands else near[np.argmin(np.abs(times[near] - elapsed))]])
+
+    def ahead(self, seconds: float) -> tuple[float, float]:
+        """Return where the robot is on its plan some seconds from now, x and y, m."""
+        if self._tracker is None:
+            return self.base.pose[:2]
+        return self._tracker.at(self.clock + seconds)[:2]
+
+    def advance(self, now: float, *, brakes: bool) -> None:
+        """Drive on to the time ``now`` of the session, s, or brake."""
+        self._now = now
+        self.base.advance(now)
+        if self._tracker is None:
+            return
+        if brakes != self._tracker.stopping:
+            (self._tracker.stop if brakes else self._tracker.go)()
+        self.base.command(*self._tracker.command(now - self._zero, self.base.measured), now)
+
+
+class Visitors:
+    """People of a scenario, each on a track that begins again when it ends; they wait where the robot stands."""
+
+    def __init__(self, people: Sequence[Person], keeps: float) -> None:
+        self._people, self._keeps = people, keeps
+        self._walking = [TrackedPeople([person], keeps) for person in people]
+        self._began = [0.0] * len(people)
+        self.radius = max((person.radius for person in people), default=RADIUS)
+
+    def advance(self, t: float, robot_pose: Pose) -> list[Walking]:
+        """Move on to time ``t``, s, and return everybody present."""
+        found: list[Walking] = []
+        for i, person in enumerate(self._people):
+            (walking,) = self._walking[i].advance(t - self._began[i], robot_pose)
+            if math.isnan(walking[0]) and t > self._began[i]:
+                self._walking[i], self._began[i] = TrackedPeople([person], self._keeps), t
+                (walking,) = self._walking[i].advance(0.0, robot_pose)
+            found.append(walking)
+        return found
+
+
+def people_of(problem: Problem, options: SimulatorOptions) -> Pedestrians:
+    """Return the people of a session: a crowd that reacts to the robot, or those of the scenario."""
+    reach = clearance_radius(problem.model, 0.0)
+    if options.crowd:
+        return Crowd(problem.world, options.crowd, robot=reach, seed=options.seed)
+    people = problem.world.content.people
+    return Visitors(people, reach + max((person.radius for person in people), default=RADIUS) + KEEPS)
+
+
+class ToldPeople:
+    """People as the planner was told of them, to tell it anew only when a prediction is wrong."""
+
+    def __init__(self) -> None:
+        self._people: list[Walking] = []
+        self._at = -math.inf
+
+    def differ(self, people: Sequence[Walking], now: float, lasts: float) -> bool:
+        """Return whether people are not as predicted, or the prediction has become older than ``lasts``, s."""
+        passed = now - self._at
+        if len(people) != len(self._people):
+            return True
+        if passed > lasts and any(math.hypot(vx, vy) > STILL for _, _, vx, vy in people):
+            return True
+        return any(
+            math.hypot(x - a - va * passed, y - b - vb * passed) > ASTRAY
+            for (x, y, _, _), (a, b, va, vb) in zip(people, self._people, strict=True)
+        )
+
+    def keep(self, people: Sequence[Walking], now: float) -> None:
+        """Remember what the planner is told."""
+        self._people, self._at = list(people), now
