@@ -91,7 +91,7 @@ FORMS: dict[str, tuple[dict[str, Check], ...]] = {
     "hello": ({"token": text, "role": role}, {"role": role}),
     "alive": ({},),
     "destination": ({"x": real, "y": real}, {"landmark": text}, {"stops": listed(place, 1, MOST_STOPS)}),
-    "take": ({"option": whole},),
+    "take": ({"option": whole}, {"option": whole, "asked": number}),
     "push": ({"direction": angle},),
     "why": ({"x": real, "y": real}, {"region": text}),
     "wish": ({"wish": text},),

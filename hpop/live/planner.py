@@ -8,8 +8,9 @@ the later ones are computed.
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Generator, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,15 +19,15 @@ import shapely
 from hpop.base.arrays import FloatArray
 from hpop.base.text import printable
 from hpop.drive.execution import Execution
-from hpop.drive.options import Options
 from hpop.drive.plan import joined
 from hpop.drive.script import follow
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.errors import CriterionError, DriveError, HpopError, QueryError
-from hpop.live.cards import Ways, cards, described, first_turn, line_of, nearest_to_push
+from hpop.errors import DriveError, HpopError, QueryError
+from hpop.live.cards import Ways, first_turn, line_of, nearest_to_push
+from hpop.live.offers import HORIZON, Offer, apart, bare_problem, plan_message
 from hpop.live.places import Destination, destination_of
 from hpop.models.execution import Ramps
-from hpop.problems.problem import Planning, Problem
+from hpop.problems.problem import Planning
 from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
 from hpop.scenario import Scenario
@@ -40,50 +41,12 @@ LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
+KEPT_OFFERS = 8
+"""Offers of which a way can still be taken."""
 LIKE = 0.6
 """Largest mean distance, m, between a way that was chosen too late and the one that is taken in its place."""
 STANDS = 0.05
 """Speed, m/s, below which a person counts as standing."""
-HORIZON = 8.0
-"""Time, s, up to which people are predicted, if the scenario says nothing else."""
-
-
-@dataclass(frozen=True, eq=False)
-class Offer:
-    """Ways that a viewer may take.
-
-    ways     the ways, and their front
-    time     s, time of the session at which they begin
-    place    (x, y) where they begin, m
-    status, certificate, gap  what is claimed of them
-    before   the plan up to there, from its beginning; None if the robot stands
-    problem  of a new destination; None for ways of the present drive
-    options  of the present drive; None for a new destination
-    """
-
-    ways: Ways
-    time: float
-    place: tuple[float, float]
-    status: str
-    certificate: str
-    gap: float
-    before: Trajectory | None = None
-    problem: Problem | None = None
-    options: Options | None = None
-
-    def message(self, now: float, preference: Any) -> Message:
-        """Return the message "options"."""
-        return {
-            "type": "options",
-            "asked": now,
-            "commit": {"t": self.time, "x": self.place[0], "y": self.place[1]},
-            "cards": cards(self.ways, preference),
-            "all": described(self.ways),
-            "present": self.ways.present,
-            "certificate": printable(self.certificate),
-            "status": self.status,
-            "gap": self.gap if math.isfinite(self.gap) else None,
-        }
 
 
 class LivePlanner:
@@ -99,7 +62,7 @@ class LivePlanner:
             )
         self.preference = scenario.preference
         planner = scenario.planners[0]
-        self.template = _bare(problem)
+        self.template = bare_problem(problem)
         self.planning = Planning(self.template.world, problem.model, problem.criteria, planner)
         self.surroundings = DriveSurroundings.of(self.template, 0.0, self.planning.planner.margin)
         ramps = Ramps.of(problem.model)
@@ -108,6 +71,7 @@ class LivePlanner:
         self.prefix: Trajectory | None = None  # what was driven before the present drive, without a stop between
         self.goal: Destination | None = None
         self.offer: Offer | None = None
+        self.offers = deque[tuple[float, Offer]](maxlen=KEPT_OFFERS)  # told last, each with the time of its question
 
     def prepare(self) -> None:
         """Build the graph, by planning once from the scenario's start."""
@@ -153,7 +117,12 @@ class LivePlanner:
         at = (float(state.x[0]), float(state.y[0]))
         gap = 0.0 if front.status == "complete" else math.inf
         self.offer = Offer(ways, time, at, front.status, front.certificate, gap, before, problem)
-        yield self.offer.message(now, self.preference)
+        yield self._told(self.offer, now)
+
+    def _told(self, offer: Offer, now: float) -> Message:
+        """Return the message that offers ways; it is remembered, so that one of them can be taken."""
+        self.offers.append((now, offer))
+        return offer.message(now, self.preference)
 
     def _offer_rest(self, now: float) -> Offer | None:
         """Return the ways that remain of the present drive; None if there are none."""
@@ -177,13 +146,16 @@ class LivePlanner:
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
         elif (offer := self._offer_rest(now)) is not None:
-            yield offer.message(now, self.preference)
+            yield self._told(offer, now)
 
     # Choices
 
-    def take(self, now: float, pose: Pose, option: int, by: str = "choice") -> Iterator[Message]:
-        """Take one of the ways that were offered last; if they begin too soon, the one like it that begins later."""
-        offer = self.offer
+    def take(self, now: float, pose: Pose, option: int, asked: float | None = None) -> Iterator[Message]:
+        """Take one of the ways that were offered last; if they begin too soon, the one like it that begins later.
+
+        asked  value of the offer that the viewer saw, if a newer one may be under way to the page
+        """
+        offer = next((offer for at, offer in self.offers if at == asked), self.offer)
         if offer is None or not 0 <= option < len(offer.ways.trajectories):
             many = 0 if offer is None else len(offer.ways.trajectories)
             yield {
@@ -193,12 +165,12 @@ class LivePlanner:
             return
         self._see(now, pose)
         chosen = offer.ways.trajectories[option]
-        if self._is_late(offer, now):
+        if offer is not self.offer or self._is_late(offer, now):
             found = yield from self._anew(now, pose, chosen)
             if found is None:
                 return
             offer, option = found
-        yield from self._taken(now, offer, option, by)
+        yield from self._taken(now, offer, option, "choice")
 
     def _is_late(self, offer: Offer, now: float) -> bool:
         """Return whether the ways of an offer begin too soon for the robot, which needs time to brake."""
@@ -211,9 +183,9 @@ class LivePlanner:
         yield from self.options(now, pose)
         offer = self.offer
         if offer is not None and offer.ways.trajectories:
-            apart = [_apart(chosen, other) for other in offer.ways.trajectories]
-            row = int(np.argmin(apart))
-            if apart[row] <= LIKE:
+            distances = [apart(chosen, other) for other in offer.ways.trajectories]
+            row = int(np.argmin(distances))
+            if distances[row] <= LIKE:
                 return offer, row
         yield {"type": "refused", "words": "the robot has passed the place where this way begins; choose again"}
         return None
@@ -236,7 +208,7 @@ class LivePlanner:
             whole = trajectory if offer.before is None else joined(offer.before, trajectory)
             begin = offer.time if offer.before is not None or trajectory.punctual else now
             elapsed = now - begin + (0.0 if offer.before is None else offer.before.duration)
-            yield _plan_message(whole, now, elapsed)
+            yield plan_message(whole, now, elapsed)
         yield {"type": "taken", "option": option, "by": by, "words": words}
         if offer.options is None:
             assert offer.problem is not None
@@ -253,7 +225,7 @@ class LivePlanner:
             yield {"type": "note", "words": printable(str(error))}
             return
         if offer is not None:
-            yield offer.message(now, self.preference)
+            yield self._told(offer, now)
 
     def push(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Take the way whose next seconds lie nearest to a direction, rad in the robot's frame; 0 is ahead."""
@@ -290,7 +262,7 @@ class LivePlanner:
         if answer.option is not None and not answer.option.keeps_on:
             yield from self._taken(now, offer, answer.option.index, "choice")
         else:
-            yield offer.message(now, self.preference)
+            yield self._told(offer, now)
 
     def why(self, now: float, pose: Pose, through: Mapping[str, Any]) -> Iterator[Message]:
         """Explain why no way leads through a place: a point, or a zone or an obstacle by its name."""
@@ -374,7 +346,7 @@ class LivePlanner:
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
         else:
-            yield offer.message(now, self.preference)
+            yield self._told(offer, now)
 
     def arrived(self, now: float, pose: Pose) -> Iterator[Message]:
         """End the drive: the robot is at its destination."""
@@ -409,30 +381,4 @@ class LivePlanner:
         assert self.drive is not None
         before = 0.0 if self.prefix is None else self.prefix.duration
         plan, elapsed = self.drive.plan, before + self.drive.at(now).planned
-        return _plan_message(self._whole(plan), now, elapsed, arrives=plan.duration >= self.drive.announced.duration)
-
-
-def _plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives: bool = True) -> Message:
-    """Return a plan for the robot; ``elapsed`` is the time of the plan, s, at the time ``now`` of the session."""
-    told = {"now": now, "elapsed": elapsed, "arrives": arrives}
-    return {"type": "plan", **told, "trajectory": trajectory.describe(), "line": line_of(trajectory)}
-
-
-def _bare(problem: Problem) -> Problem:
-    """Return a problem without tour and, unless a criterion needs them, without people, who are told as they are seen.
-
-    People who are needed are predicted for `HORIZON` s at most.
-    """
-    content = problem.world.content
-    fixed = {"landmarks": content.landmarks, "zones": content.zones}
-    try:
-        return replace(problem, tour=None, world=problem.world.with_content(**fixed))
-    except CriterionError:
-        return replace(problem, tour=None, horizon=min(problem.horizon or HORIZON, HORIZON))
-
-
-def _apart(chosen: Trajectory, other: Trajectory) -> float:
-    """Return the mean distance, m, of the corners of a path from the chosen path, which may begin earlier."""
-    path = shapely.LineString([*line_of(chosen), line_of(chosen)[-1]])
-    points = shapely.points(np.array(line_of(other)))
-    return float(shapely.distance(path, points).mean())
+        return plan_message(self._whole(plan), now, elapsed, arrives=plan.duration >= self.drive.announced.duration)

@@ -21,7 +21,7 @@ class Replay(Audience):
         self._comes = asyncio.Event()
 
     def greet(self, viewer: Any) -> None:
-        """Send the scene to a viewer, with whom the replay may begin."""
+        """Send the scene to a viewer; the replay begins if it waited for one."""
         super().greet(viewer)
         self._comes.set()
 

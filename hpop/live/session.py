@@ -116,7 +116,7 @@ class LiveSession(Audience):
             self.braked = braked
             self.note(f"the robot brakes: {braked}" if braked else "the robot may drive")
         if self.robot.arrived and not self._has_arrived:
-            self._has_arrived = True
+            self._has_arrived, self._goal = True, None
             self.tell({"type": "arrived"})
             self._ask("arrived")
         self._announce()
@@ -220,7 +220,7 @@ class LiveSession(Audience):
                 self._ask("destination", goal=values)
             case "take":
                 self.stopped = False
-                self._ask("take", option=values["option"])
+                self._ask("take", **values)
             case "push":
                 self._pushed_at = now
                 self._ask("push", direction=values["direction"])

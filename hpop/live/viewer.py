@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import math
+import time
 from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,13 +35,13 @@ class Viewer:
     gone        why it is sent away; "" while it is not
     """
 
-    def __init__(self, number: int, *, may_drive: bool, now: float) -> None:
+    def __init__(self, number: int, *, may_drive: bool) -> None:
         self.number, self.may_drive, self.wants, self.greeted = number, may_drive, False, False
         self.alive, self.gone, self.seen = -math.inf, "", False
         self.waiting: deque[str] = deque()
         self.state = ""
         self.wakes = asyncio.Event()
-        self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, now
+        self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, time.monotonic()
 
     def send(self, message: Mapping[str, Any]) -> None:
         """Queue a message; a newer state replaces one that still waits."""
@@ -53,8 +54,9 @@ class Viewer:
             self.gone = "reads too slowly"
         self.wakes.set()
 
-    def counts(self, now: float) -> bool:
+    def counts(self) -> bool:
         """Count a message that came; return whether it is within the bounds."""
+        now = time.monotonic()
         passed, self._counted = now - self._counted, now
         self._budget = min(BURST, self._budget + passed * MOST_MESSAGES) - 1.0
         self._refusals = min(MOST_REFUSALS, self._refusals + passed * MOST_REFUSALS)
@@ -101,7 +103,7 @@ class Audience:
         if len(self.viewers) >= MOST_VIEWERS:
             return None
         self._numbers += 1
-        viewer = Viewer(self._numbers, may_drive=may_drive, now=self.now)
+        viewer = Viewer(self._numbers, may_drive=may_drive)
         self.viewers.append(viewer)
         return viewer
 
@@ -124,7 +126,7 @@ class Audience:
     def receive(self, viewer: Viewer, text: str) -> None:
         """Check a message of a viewer, and act on it."""
         now = self.now
-        if not viewer.counts(now):
+        if not viewer.counts():
             viewer.gone = "sends too many messages"
             viewer.wakes.set()
             return

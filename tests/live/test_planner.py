@@ -68,6 +68,21 @@ def test_the_plan_of_a_push_is_the_way_with_the_least_mean_angle(planner: LivePl
         assert pushed["followed"] or pushed["option"] == present
 
 
+def test_a_way_that_is_chosen_late_is_taken_where_it_can_still_be_reached(planner: LivePlanner) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.0, START, options["cards"][0]["option"]))
+    offers = of(planner.options(0.0, START), "options")
+    drive = planner.drive
+    assert drive is not None
+    state = drive.at(2.0).state
+    pose = (float(state.x[0]), float(state.y[0]), float(state.yaw[0]))
+    told = list(planner.take(2.0, pose, offers["present"], asked=offers["asked"]))
+    kinds = [message["type"] for message in told]
+    assert kinds[:3] == ["options", "plan", "taken"]
+    assert told[0]["commit"]["t"] > 2.0 + planner.brakes
+    assert told[1]["line"][0] == [1.0, 1.0]
+
+
 def brute(way: Trajectory, heading: float) -> float:
     """Mean angle between a heading and that of a way, at 0, 0.1, ..., 3 s."""
     yaws = [float(way.at(min(0.1 * i, way.duration)).yaw[0]) for i in range(31)]

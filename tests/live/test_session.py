@@ -28,7 +28,16 @@ def page(server: LiveServer) -> Iterator[Page]:
         time.sleep(0.01)
 
 
-def test_a_page_chooses_takes_pushes_stops_and_a_crash_is_told(server: LiveServer, page: Page) -> None:
+def driven(page: Page) -> None:
+    """Drive to a place in the room, until the robot moves."""
+    page.say("go")
+    page.say("destination", x=6.0, y=4.0)
+    page.until("place", lambda place: place["status"] == "reachable")
+    page.say("take", option=page.until("options")["cards"][0]["option"])
+    page.until("state", lambda state: state["moving"])
+
+
+def test_a_page_chooses_takes_pushes_and_stops(server: LiveServer, page: Page) -> None:
     scene = page.until("scene")
     assert (scene["role"], [c["name"] for c in scene["criteria"]]) == ("drive", ["obstruction", "turns", "length"])
     page.say("destination", x=6.0, y=4.0)
@@ -44,11 +53,22 @@ def test_a_page_chooses_takes_pushes_stops_and_a_crash_is_told(server: LiveServe
     assert first["braked"] == "stopped"
     page.say("why", x=4.0, y=4.5)
     assert page.until("why")["sentence"]
+
+
+@pytest.mark.proof
+def test_a_crash_of_the_planner_is_told_and_the_drive_can_go_on(server: LiveServer, page: Page) -> None:
+    page.until("scene")
+    driven(page)
+    page.say("close", corners=[[6.5, 0.2], [6.8, 0.2], [6.8, 0.5]], name="a corner")
+    page.until("closed", lambda message: message["names"] == ["a corner"])
+    page.say("stop")
+    first = page.until("state", lambda state: not state["moving"])
     os.kill(server.session.planner.pid or 0, signal.SIGKILL)
     page.until("note", lambda message: "is started again" in message["words"])
     page.say("go")
     still = page.until("state", lambda state: state["braked"] == "the planner is being started")
     assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)
+    page.until("closed", lambda message: message["names"] == ["a corner"])
     again = page.until("options")
     assert again["commit"]["x"] == pytest.approx(first["x"], abs=0.01)
 
