@@ -310,7 +310,8 @@ class CostLimit:
         }
         if not bounds:
             raise OptionError("a wish must bound a cost, such as {'turns': 3}, got none")
-        parts = (f"at most {most:.4g} {spoken_unit(name, front)}".rstrip() for name, most in bounds.items())
+        units = dict(zip(front.names, front.units, strict=True))
+        parts = (f"at most {most:.4g} {_bounded(name, units[name], most)}" for name, most in bounds.items())
         return cls(" and ".join(parts), bounds)
 
     def met(self, front: Front) -> BoolArray:
@@ -338,7 +339,8 @@ def spoken(name: str) -> str:
     return name.replace("_", " ")
 
 
-def spoken_unit(name: str, front: Front) -> str:
-    """Return the unit and the name of a cost in words; the unit alone for a length or a duration."""
-    unit = front.units[front.names.index(name)]
-    return unit if name in ("length", "duration") else spoken(name) if unit == "1" else f"{unit} {spoken(name)}"
+def _bounded(name: str, unit: str, most: float) -> str:
+    """Return what a bound of a cost counts: "turns", "m of length"."""
+    if unit != "1":
+        return f"{unit} of {spoken(name)}"
+    return "turn" if (name, most) == ("turns", 1.0) else spoken(name)

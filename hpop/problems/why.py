@@ -20,7 +20,7 @@ from hpop.planners.graphs.passing import Passage, passing_query, timed_passing_q
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import people_move
 from hpop.planners.spending import Exhausted, Limits, Spending
-from hpop.problems.conditions import CostLimit, passage_of, spoken_unit
+from hpop.problems.conditions import CostLimit, passage_of, spoken
 from hpop.problems.front import Front, Point
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
@@ -339,5 +339,8 @@ class _Comparison:
     def _amount(self, name: str, number: float) -> str:
         """Return a difference of a cost in words, such as "2 turns more"."""
         value = f"{abs(number):.2g}" if abs(number) < 10 else f"{abs(number):.0f}"
-        noun = "turn" if (name, value) == ("turns", "1") else spoken_unit(name, self.front)
-        return f"{value} {noun} {'more' if number > 0 else 'less'}"
+        more, unit = "more" if number > 0 else "less", self.front.units[self.front.names.index(name)]
+        if name == "turns":
+            return f"{value} turn{'' if value == '1' else 's'} {more}"
+        own = "" if name in ("length", "duration") else f" {spoken(name)}"
+        return f"{value} {more}{own}" if unit == "1" else f"{value} {unit} {more}{own}"
