@@ -352,8 +352,8 @@ class ModelInTime(Model, Protocol):
     """Model that provides "time", for a robot beside something that moves as given; the last state is the time, s.
 
     Every trajectory begins at time 0 and ends at the largest time of the space. The first states are those of the
-    timeless model. States between them and the time are 0 where the robot rests. If the wanted end is too soon, which
-    ``joinable`` says, ``connect`` ends the motion later.
+    timeless model, and the first bodies are its bodies. States between them and the time are 0 where the robot rests.
+    If the wanted end is too soon, which ``joinable`` says, ``connect`` ends the motion later.
     """
 
     @property

@@ -77,7 +77,10 @@ def arm_payload(problem: Problem | SerialArm) -> dict[str, Any]:
         arm, world, targets = problem, World.from_solids([], extent=shapely.box(-1, -1, 1, 1)), []
     collision = arm.collision(world)
     if not isinstance(arm, SerialArm) or not isinstance(collision, ArmCollision):
-        raise ModelError(f"this page shows arms, models serial_arm, got a {arm.name}; hpop look draws its map")
+        raise ModelError(
+            f"this page shows one arm that does not drive, a serial_arm, got a {arm.name}; give its arm alone, or draw "
+            "pictures by hpop look without --web"
+        )
     states, notes = _states(problem) if isinstance(problem, Problem) else ({}, [])
     chain, space = arm.chain, arm.space
     named = {printable(name): values for name, values in space.named.items() if printable(name) not in states}

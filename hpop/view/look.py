@@ -8,7 +8,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.collections import PathCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -20,10 +19,10 @@ from hpop.planners.needs import elsewhere, nearest_free
 from hpop.planners.programs.free_map import FreeMap
 from hpop.problems.problem import Problem
 from hpop.view.content import draw_content
-from hpop.view.ground import View, outline, view_of
+from hpop.view.ground import View, view_of
 from hpop.view.map import draw_frame, draw_headed_ends
 from hpop.view.marks import draw_stops, draw_targets, end_poses
-from hpop.view.outlines import LOOK, draw_map_obstacles, from_above, outlines_at
+from hpop.view.outlines import draw_map_obstacles, draw_outlines, from_above, outlines_at
 from hpop.view.page import WHOLE, Handle, lay_out, new_figure, paragraphs
 from hpop.view.side import draw_side_of_ends
 from hpop.view.style import camera_heights, plain
@@ -225,7 +224,8 @@ def _draw_robot(axes: Axes, problem: Problem, view: View) -> list[Patch]:
     across = max((max(x1 - x0, y1 - y0) for x0, y0, x1, y1 in shapely.bounds(outlines).reshape(-1, 4)), default=0.0)
     if across < SEEN * max(view.width, view.height):
         return []
-    axes.add_collection(
-        PathCollection([outline(one) for one in outlines], zorder=7.5, gid="robot", **LOOK), autolim=False
-    )
-    return [Patch(**LOOK, label="the robot at the start, to scale")]
+    working = outlines_at(model, start, from_above, watched=True)
+    return [
+        *draw_outlines(axes, outlines, "the robot at the start, to scale", zorder=7.5),
+        *draw_outlines(axes, working, "the working arm at the start", watched=True, zorder=7.4),
+    ]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -22,7 +22,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.models.rigid import field_of_view
-from hpop.motions import Model, Pose, States
+from hpop.motions import Model, ModelInTime, Pose, States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ground import View, draw_obstacles, outline
@@ -32,6 +32,7 @@ from hpop.world import Solid, Sphere, World
 
 Flatten = Callable[[FloatArray], FloatArray]  # points in space (..., 3) as they are in a picture (..., 2)
 LOOK: dict[str, Any] = {"facecolor": ("#5b7aa5", 0.18), "edgecolor": ("#34507a", 0.75), "linewidth": 0.8}
+WATCHED_LOOK: dict[str, Any] = {"facecolor": ("#b5894a", 0.18), "edgecolor": ("#7d5a24", 0.75), "linewidth": 0.8}
 
 
 def from_above(points: FloatArray) -> FloatArray:
@@ -47,15 +48,24 @@ def solid_outline(solid: Solid, flatten: Flatten) -> Polygon:
 
 
 def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list[BaseGeometry]:
-    """Return the robot's outlines, m, at start and end of the first trajectory; none for models without ``bodies``."""
+    """Return the robot's outlines, m, at start and end of the first trajectory, then those of a working arm beside it.
+
+    There are none for models without ``bodies``.
+    """
     if not trajectories:
         return []
-    return outlines_at(trajectories[0].model, trajectories[0].states.take([0, -1]), flatten)
+    model, ends = trajectories[0].model, trajectories[0].states.take([0, -1])
+    return outlines_at(model, ends, flatten) + outlines_at(model, ends, flatten, watched=True)
 
 
-def outlines_at(model: Model, states: States, flatten: Flatten) -> list[BaseGeometry]:
-    """Return the robot's outlines, m, in states (N,), computed from the model's ``bodies``."""
-    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in model.bodies(states)]
+def outlines_at(model: Model, states: States, flatten: Flatten, *, watched: bool = False) -> list[BaseGeometry]:
+    """Return the robot's outlines, m, in states (N,), or those of a working arm that it watches, by ``bodies``."""
+    bodies, own = model.bodies(states), None
+    if "time" in model.provides:
+        own = len(cast(ModelInTime, model).timeless.bodies(states))
+    elif watched:
+        return []
+    placed = [[Solid(shape, pose) for pose in poses] for shape, poses in (bodies[own:] if watched else bodies[:own])]
     return [
         shapely.union_all([solid_outline(solid, flatten) for solid in parts]) for parts in zip(*placed, strict=True)
     ]
@@ -68,14 +78,22 @@ def corners_of(outlines: Sequence[BaseGeometry]) -> FloatArray:
 
 def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mark]) -> list[Patch]:
     """Draw the robot's outlines at both ends of the first named trajectory; return the legend entry."""
-    return draw_outlines(axes, outlines, f"the robot at both ends: {named[0].names[0]}") if outlines else []
+    at_ends = f"at both ends: {named[0].names[0]}" if named else ""
+    return draw_outlines(axes, outlines[:2], f"the robot {at_ends}") + draw_outlines(
+        axes, outlines[2:], f"the working arm {at_ends}", watched=True
+    )
 
 
-def draw_outlines(axes: Axes, outlines: Sequence[BaseGeometry], label: str) -> list[Patch]:
-    """Draw outlines of the robot; return the legend entry, with a label."""
+def draw_outlines(
+    axes: Axes, outlines: Sequence[BaseGeometry], label: str, *, watched: bool = False, zorder: float = 2.5
+) -> list[Patch]:
+    """Draw outlines of the robot, or of a working arm that it watches; return the legend entry, with a label."""
+    if not outlines:
+        return []
+    look, gid = (WATCHED_LOOK, "working arm") if watched else (LOOK, "robot")
     paths = [outline(geometry) for geometry in outlines]
-    axes.add_collection(PathCollection(paths, zorder=2.5, gid="robot", **LOOK), autolim=False)
-    return [Patch(**LOOK, label=label)]
+    axes.add_collection(PathCollection(paths, zorder=zorder, gid=gid, **look), autolim=False)
+    return [Patch(**look, label=label)]
 
 
 REACH = 0.045  # length of a wedge, as a share of the map's longer side

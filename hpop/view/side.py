@@ -154,13 +154,16 @@ def draw_side_of_ends(problem: Problem, title: str) -> Figure:
     around = PathSurroundings.of([ends, placed])
     solid, drives = around.silhouettes(problem.world, section), "base" in model.provides
     robots = [each for state in states for each in outlines_at(model, state, section.flattened)]
-    view = _view(np.concatenate([section.flattened(ends), corners_of(robots)]), ends_of(solid), drives)
+    working = [each for state in states for each in outlines_at(model, state, section.flattened, watched=True)]
+    view = _view(np.concatenate([section.flattened(ends), corners_of([*robots, *working])]), ends_of(solid), drives)
     axes = new_figure(1.0, 1.0, layout=None).add_axes(WHOLE, label="side")
+    at_goals = " and the goals" if len(states) > 1 else ""
     symbols: list[Handle] = [
         *draw_silhouettes(axes, solid, view, "obstacle, in front of the robot or behind"),
         *(_draw_floor(axes, view) if drives else ()),
         *_draw_landmarks(axes, problem.world.content.landmarks, section, view),
-        *draw_outlines(axes, robots, f"the robot at the start{' and the goals' if len(states) > 1 else ''}"),
+        *draw_outlines(axes, robots, f"the robot at the start{at_goals}"),
+        *draw_outlines(axes, working, f"the working arm at the start{at_goals}", watched=True),
         *draw_targets(axes, problem, section.flattened),
         *draw_stops(axes, problem, section.flattened),
     ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -19,7 +19,7 @@ from hpop.base.math import norm
 from hpop.base.options import FARTHEST
 from hpop.base.text import printable
 from hpop.criteria.visits import all_visits, missed_weights
-from hpop.motions import Model, States, StateSpace
+from hpop.motions import Model, ModelInTime, States, StateSpace
 from hpop.problems.evaluation import Trace
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
@@ -271,7 +271,7 @@ def changing(model: Model, trajectories: Sequence[Trajectory]) -> list[str]:
     """
     names = [
         name
-        for name in model.space.names
+        for name in _own_names(model)
         if any(np.ptp(getattr(trajectory.states, name)) > CHANGES for trajectory in trajectories)
     ]
     if "plane" not in model.provides:
@@ -345,6 +345,11 @@ def _draw_column(
         whole_ticks(axes.yaxis, False, most=4)
 
 
+def _own_names(model: Model) -> tuple[str, ...]:
+    """Return the names of a model's states, without the time and what depends on it where time is a state."""
+    return (cast(ModelInTime, model).timeless if "time" in model.provides else model).space.names
+
+
 def _look_of(mark: Mark) -> dict[str, Any]:
     return {"color": mark.colour, "linestyle": mark.dashes, "linewidth": 1.8}
 
@@ -352,6 +357,6 @@ def _look_of(mark: Mark) -> dict[str, Any]:
 def _title(model: Model, names: Sequence[str]) -> str:
     """Return the title, which names the states that do not change."""
     shown = [*names, "x", "y"] if "plane" in model.provides else names
-    still = [printable(name) for name in model.space.names if name not in shown]
+    still = [printable(name) for name in _own_names(model) if name not in shown]
     unchanged = f"; {', '.join(still)} {'does' if len(still) == 1 else 'do'} not change" if still else ""
     return f"The robot's states along time, as planned{unchanged}"

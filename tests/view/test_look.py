@@ -7,10 +7,12 @@ import pytest
 import shapely
 
 import hpop
+from hpop.goals import Anywhere
 from hpop.view.look import look
 from hpop.world import Box, Solid, pose_at
 from hpop.world.content.content import Landmark, Person, Zone
 from tests.models.serial_arm.arms import arm6
+from tests.two_arms import SWEEP, TABLE, two_arms
 
 ROBOT = hpop.DifferentialDrive(radius=0.25)
 HALL = hpop.World.from_polygons([shapely.box(4, 0, 4.2, 6)], extent=shapely.box(0, 0, 10, 6))
@@ -97,6 +99,20 @@ def test_robots_beyond_the_plane_are_drawn_where_they_start(name):
     assert found.refused == ()
     assert drawn(found.figure, "robot")
     assert drawn(found.figure, "targets")
+
+
+def test_a_working_arm_is_drawn_where_it_begins_and_named():
+    arms = two_arms()
+    looked = look(hpop.Problem(TABLE, arms, "home", Anywhere(), ["rotation"]), "two arms")
+    begin = arm6().space.state((*SWEEP["joints"][0], 0.0, 0.0, 0.0))
+    for figure, columns in ((looked.figure, [0, 1]), (looked.side, [2])):
+        for gid, model, state in (("working arm", arm6(), begin), ("robot", arms.view, arms.view.space.state("home"))):
+            (shown,) = drawn(figure, gid)
+            corners = [Solid(shape, pose).corners[:, columns] for shape, (pose,) in model.bodies(state)]
+            extents = np.concatenate([path.vertices for path in shown.get_paths()])[:, -len(columns) :]
+            for end in (np.min, np.max):
+                np.testing.assert_allclose(end(extents, axis=0), end(np.concatenate(corners), axis=0), atol=0.02)
+        assert "the working arm at the start" in texts(figure)
 
 
 def test_an_arm_is_seen_from_the_side_with_heights():

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 import hpop
+from hpop.motions import States
 from hpop.view import draw_states
 from hpop.view.trace import changing
+from tests.two_arms import two_arms
 from tests.view.robots import Lift, Reacher
 from tests.view.test_side import LEVEL, LIFTED, REACHED, seen, through
 from tests.view.test_sight import HEAD, trajectory
@@ -46,6 +48,13 @@ def test_what_the_map_shows_is_left_out_and_what_never_changes_is_named():
     assert [line.get_ydata()[0] for line in by_gid(panels(figure)["lift (m)"], "limit of lift")] == [0.0, 1.2]
     texts = [text.get_text() for legend in figure.legends for text in legend.get_texts()]
     assert texts == ["knee, least duration", "least rotation", "limit"]
+
+
+def test_neither_time_nor_pace_is_drawn_of_an_arm_beside_another():
+    arms, (a, b) = two_arms(), ((0.0,) * 6, (0.2, 0.1, *(0.0,) * 4))
+    rows = np.array([(*a, 0.0, 0.0), (*b, 0.0, 1.0), (*b, 0.0, 2.0)])
+    planned = hpop.Trajectory.through(arms, States(**dict(zip(arms.space.names, rows.T, strict=True))))
+    assert changing(arms, [planned]) == list(arms.joints[:2])
 
 
 def test_nothing_is_drawn_of_a_robot_whose_states_are_on_the_map():

@@ -53,8 +53,8 @@ def jerk_limited(trajectory: Trajectory, jerk: Jerk) -> _Executed:
     reaches = {kind: each for kind, each in trajectory.model.laws.items() if isinstance(each, Reach)}
     if other := sorted({*trajectory.kinds} - {*reaches, HOLD.kind}):
         raise OptionError(
-            f"jerk limits need reaches, which begin and end at rest, got {', '.join(other)}; export a trajectory of "
-            "the planner roadmap, or leave the jerk out"
+            f"jerk limits need reaches, which begin and end at rest, got {', '.join(other)}, whose acceleration jumps "
+            "between motions, however slow they are; export a trajectory of the planner roadmap, or leave the jerk out"
         )
     most = _checked_jerk(jerk, law.names)
     rows = np.stack([getattr(trajectory.states, name) for name in law.names], axis=1)

@@ -155,7 +155,7 @@ export class Page {
       element(
         "p",
         "",
-        `You see the shapes that hpop tests for collisions: those of the URDF, with meshes as convex hulls. Two bodies collide if they touch or are nearer than ${millimetres} mm. ` +
+        `You see the shapes that hpop tests for collisions: those of the URDF, with meshes as their convex hulls, or as convex pieces. Two bodies collide if they touch or are nearer than ${millimetres} mm. ` +
           "Links joined by a joint, and pairs that the SRDF excludes, are not tested. The floor is no obstacle; add a box to the world if there is one. " +
           "Yellow lines show what the camera in the hand sees, yellow dots what it shall look at; red, green and blue lines are the axes x, y, z of the tool.",
       ),
