@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.registry import planners
 from hpop.base.text import some
 from hpop.criteria.costs import trajectory_costs
@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
 SAME = 1e-3  # share of a cost up to which rounding may hide a difference
+NONE = -1
+PAIRS = 10**6  # pairs of paths that are compared at once
 WHOLE = 1e-6  # quanta by which a cost may differ from a whole number of them through errors of floating point
 OTHERS = "paths that were not searched may be better"
 
@@ -185,6 +187,46 @@ def _searched(
 
 
 @dataclass(frozen=True, eq=False)
+class _Matches:
+    """Rows of a front that match each of some paths (a,); NONE if there is none.
+
+    equal   (a,)  first row with the costs of the path
+    better  (a,)  row that is as good as the path in each cost and better in one, with the least loss
+    loss    (a,)  loss of the path against that row: the sum of its weighted costs beyond those of the row
+    rows    (n,)  mask of the rows whose costs a path has
+    """
+
+    equal: IntArray
+    better: IntArray
+    loss: FloatArray
+    rows: BoolArray
+
+    @classmethod
+    def of(
+        cls, costs: FloatArray, base: FloatArray, off: FloatArray, same: FloatArray, weights: FloatArray
+    ) -> _Matches:
+        """Compare the costs (a, k) of paths with those (n, k) of a front, in blocks that limit the memory.
+
+        off, same  (k,)  errors up to which a cost counts as no less, and as equal
+        weights    (k,)  weights of the costs in the loss
+        """
+        equal, better = np.full(len(costs), NONE), np.full(len(costs), NONE)
+        loss, rows = np.zeros(len(costs)), np.zeros(len(base), np.bool_)
+        block = max(1, PAIRS // len(base))
+        for begin in range(0, len(costs), block):
+            part = slice(begin, begin + block)
+            more = costs[part, None] - base[None]
+            alike = np.all(np.abs(more) <= same, axis=2)
+            worse = np.all(more >= -off, axis=2) & ~alike  # the row is better, up to rounding
+            losses = np.where(worse, np.maximum(weights * more, 0.0).sum(axis=2), np.inf)
+            equal[part] = np.where(alike.any(axis=1), alike.argmax(axis=1), NONE)
+            better[part] = np.where(worse.any(axis=1), losses.argmin(axis=1), NONE)
+            loss[part] = losses.min(axis=1)
+            rows |= alike.any(axis=0)
+        return cls(equal, better, loss, rows)
+
+
+@dataclass(frozen=True, eq=False)
 class _Comparison:
     """Comparison of a front with the paths that satisfy a condition.
 
@@ -208,34 +250,33 @@ class _Comparison:
         """Return the answer, compared with a row of the front; None to choose the row."""
         if not len(self.able):
             return self._answer(f"{self._none()}{self._doubt('another one may')}")
-        costs, base = self._columns, self.front.costs
-        more, off = costs[:, None] - base[None], self._off  # (a, n, k), (k,)
+        costs, base, off = self._columns, self.front.costs, self._off
         same = np.minimum(off, SAME * np.abs(base).max(axis=0))
-        equal: BoolArray = np.asarray((np.abs(more) <= same).all(axis=2))
-        worse: BoolArray = np.asarray((more >= -off).all(axis=2)) & ~equal  # the row is better, up to rounding
         spread = np.ptp(np.concatenate([costs, base]), axis=0)
-        share = np.divide(more, spread, out=np.zeros_like(more), where=spread > 0.0)
-        loss = np.maximum(share, 0.0).sum(axis=2)
-        on = equal.any(axis=1)
-        if row is not None:
-            best = int(np.lexsort((share[:, row].sum(axis=1), loss[:, row]))[0])
+        weights = np.divide(1.0, spread, out=np.zeros_like(spread), where=spread > 0.0)
+        found = _Matches.of(costs, base, off, same, weights)
+        on, worse = found.equal != NONE, found.better != NONE
+        against = self.front.knee().index if row is None else row
+        share = weights * (costs - base[against])  # (a, k)
+        loss = np.maximum(share, 0.0).sum(axis=1)
+        if row is not None or not (on.any() or worse.any()):
+            best, row = int(np.lexsort((share.sum(axis=1), loss))[0]), against
         elif on.any():
-            best = int(np.argmin(np.where(on, loss[:, self.front.knee().index], np.inf)))
-            row = int(np.flatnonzero(equal[best])[0])
+            best = int(np.argmin(np.where(on, loss, np.inf)))
+            row = int(found.equal[best])
         else:
-            pairs = np.where(worse, loss, np.inf) if worse.any() else loss
-            best, row = (int(i) for i in np.unravel_index(np.argmin(pairs), pairs.shape))
-        rows = tuple(np.flatnonzero(equal[on].any(axis=0)).tolist())
-        point, numbers = self.able[best], self._numbers(best, row)
+            best = int(np.argmin(np.where(worse, found.loss, np.inf)))
+            row = int(found.better[best])
+        rows = tuple(np.flatnonzero(found.rows).tolist())
+        point, numbers, more = self.able[best], self._numbers(best, row), costs[best] - base[row]
         wished = np.isin(self.front.names, [] if self.limit is None else [*self.limit.bounds])
-        order = np.lexsort((-np.abs(share[best, row]), ~wished))
-        differing = [self.front.names[j] for j in order if abs(more[best, row, j]) > same[j]]
+        order = np.lexsort((-np.abs(weights * more), ~wished))
+        differing = [self.front.names[j] for j in order if abs(more[j]) > same[j]]
         if not differing:
             sentence = self._on_front(rows, row)
         else:
-            dominating = np.where(worse[best], loss[best], np.inf)
-            better = None if not worse[best].any() else int(np.argmin(dominating))
-            end = self._place(rows, row, better, never=bool((worse | equal).any(axis=1).all()))
+            better = int(found.better[best]) if worse[best] else None
+            end = self._place(rows, row, better, never=bool((on | worse).all()))
             sentence = f"{self._subject} takes {self._amounts(differing, numbers)} than row {row}; {end}."
         return self._answer(sentence + self._doubt("other paths may be better"), point, row, numbers, rows)
 
