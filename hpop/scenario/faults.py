@@ -14,7 +14,7 @@ import shapely
 from pydantic import BaseModel, ValidationError
 
 from hpop.base.options import Degrees
-from hpop.base.registry import Registry, goals, model_parameters, models, readers
+from hpop.base.registry import Registry, goals, model_parameters, models, planners, readers
 from hpop.base.text import article, shown
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.goals import Tour, TourStop, is_named
@@ -111,7 +111,9 @@ class Faults:
             here = [fault for at, fault in details if at == where]
             if below and all(map(_expected, here)):
                 continue  # faults of the alternatives that the user did not mean
-            self.add(where, _said(schema, where[len(place) :], here))
+            unknown = place[:1] == ("planner",) and here[0]["type"] == "extra_forbidden"
+            advice = planners.advice.get(str(where[-1])) if unknown else None
+            self.add(where, _said(schema, where[len(place) :], here) + (f"; {advice}" if advice else ""))
         return None
 
     def _place(self, place: Place, loc: tuple[str | int, ...]) -> Place:

@@ -159,6 +159,7 @@ def test_paths_are_relative_to_the_scenario_file(tmp_path: Path, monkeypatch: py
         (("corners:", "corner:"), 5, "world.polygons.obstacles.0.corner", "did you mean 'corners'?"),
         (("radius:", "raduis:"), 7, "model.differential_drive.raduis", "did you mean 'radius'?"),
         (("step:", "stp:"), 12, "planner.lattice.stp", "did you mean 'step'?"),
+        (("step:", "max_points:"), 12, "planner.lattice.max_points", "hpop plan --points 20"),
         (("turns,", "{obstruction: {radios: 1}},"), 10, "criteria.0.obstruction.radios", "did you mean 'radius'?"),
         (("goal:", "str:"), 9, "str", "no such key"),
         # missing keys and entries

@@ -145,7 +145,7 @@ class Staircase(JointSearch):
         self.layers = np.zeros((1, 0), self.dtype)
         self.has_tried_bounds = False
         sizes = self.groups.rows[:, SIZE]
-        degrees = np.add.reduceat(np.diff(self.start), self.groups.rows[:, OFFSET])
+        degrees = np.diff(self.start[np.append(self.groups.rows[:, OFFSET], graph.nodes)])
         super().__init__(3, int((degrees + sizes).max()))
         self.fresh = np.zeros((self.fan, 3), np.int64)
         self._make_packed_queue(f)
