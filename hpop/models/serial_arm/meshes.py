@@ -83,13 +83,12 @@ def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path
     return path
 
 
-def read_surface(data: bytes, path: Path, scale: FloatArray, most_faces: int) -> Surface:
+def read_surface(data: bytes, path: Path, scale: FloatArray) -> Surface:
     """Return the triangles of a mesh file, in m.
 
-    data        bytes of the file
-    path        its path, for the type of the file and for messages
-    scale       (3,) factors of the coordinates
-    most_faces  largest number of faces
+    data   bytes of the file
+    path   its path, for the type of the file and for messages
+    scale  (3,) factors of the coordinates
 
     A COLLADA file is read in its unit, and as if its z axis were up, as RViz and MoveIt do. Raises ModelError if the
     file cannot be read or is too large.
@@ -127,13 +126,12 @@ def read_surface(data: bytes, path: Path, scale: FloatArray, most_faces: int) ->
         raise mesh_error(path, f"it cannot be read ({printable(error)[:80]}); {hint}") from None
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise mesh_error(path, "its vertices must have three coordinates each")
-    if not 0 < len(faces) <= most_faces:
+    if not 0 < len(faces) <= MOST_FACES:
+        remedy = "decimate it (trimesh's simplify_quadric_decimation, MeshLab and Blender do)"
         raise mesh_error(
             path,
-            f"expected 1 to {most_faces:,} faces, found {len(faces):,}; decimate it (trimesh's "
-            "simplify_quadric_decimation, MeshLab and Blender do)" + ", or give meshes: hull" * (most_faces < LARGE)
-            if len(faces)
-            else f"expected 1 to {most_faces:,} faces, found none; export the mesh again",
+            f"expected 1 to {MOST_FACES:,} faces, found {len(faces):,}; "
+            f"{remedy if len(faces) else 'export the mesh again'}",
         )
     if not np.isfinite(vertices).all():
         raise mesh_error(path, "its coordinates must be finite numbers")
@@ -171,8 +169,8 @@ def mesh_bytes(path: Path) -> bytes:
 Way = Literal["hull", "decompose", "exact"]
 WAYS: tuple[Way, ...] = ("hull", "decompose", "exact")
 """Ways to treat meshes that are not convex: their hull, a decomposition into convex pieces, or an error."""
-MOST_FACES = {"exact": 20_000, "hull": 10_000_000, "decompose": 10_000_000}
-"""Largest number of faces of a mesh, by the way it is treated."""
+MOST_FACES = 10_000_000
+"""Largest number of faces of a mesh."""
 COARSE = 1 / 100
 """Cells, as a share of a mesh's size, whose vertices are joined in a mesh with very many faces before it is cut."""
 FINE = 20_000
@@ -294,7 +292,7 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
 
     Raises ModelError if the file cannot be read or is too large, and for ``way`` "exact" if a piece is not convex.
     """
-    surface = read_surface(data, path, scale, MOST_FACES[way])
+    surface = read_surface(data, path, scale)
     whole = _solid(surface.vertices, path)
     if is_convex(surface.thinned().corners, whole):
         return MeshHulls((Hull(_simple(surface, whole).points),))
@@ -304,8 +302,8 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
         raise mesh_error(
             path,
             "it must be convex or consist of separate convex pieces, but its surface lies up to "
-            f"{depth(surface.corners, whole):.3g} m inside its convex hull; give meshes: hull, to use its convex hull, "
-            "or meshes: decompose, to cut it into convex pieces; or use boxes, cylinders and spheres",
+            f"{depth(surface.thinned().corners, whole):.3g} m inside its convex hull; give meshes: hull, to use "
+            "its convex hull, or meshes: decompose, to cut it into convex pieces; or use boxes, cylinders and spheres",
         )
     bodies, reason = _decomposed(surface, path) if way == "decompose" else ([], "")
     if not 0.0 < sum(body.volume for body in bodies) < whole.volume:

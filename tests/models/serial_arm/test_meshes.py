@@ -123,13 +123,23 @@ def test_a_mesh_of_quadrilaterals_is_read_and_its_mirror_image_too(tmp_path):
      ("ball.glb", r"got '\.glb'; convert it with Blender, or by trimesh.load"),
      ("torn.off", r"cannot be read \(.*\); export it as STL, with triangles only")],
 )  # fmt: skip
-def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, name, said):
+def test_a_mesh_that_is_not_read_is_refused_with_the_way_out(tmp_path, monkeypatch, name, said):
+    monkeypatch.setattr("hpop.models.serial_arm.meshes.MOST_FACES", 20_000)
     if name == "ball.stl":
         trimesh.creation.icosphere(5, 100).export(tmp_path / name)
     else:
         (tmp_path / name).write_text("OFF\n1 1 0\n0 0 0\n3 0 1 2\n")
     with pytest.raises(ModelError, match=said):
         with_mesh(tmp_path, name, meshes="exact")
+
+
+def test_a_convex_mesh_of_very_many_faces_is_enclosed_by_a_body_of_few_corners(tmp_path):
+    ball = trimesh.creation.icosphere(5, 100)
+    ball.export(tmp_path / "ball.stl")
+    (body,) = jibs(with_mesh(tmp_path, "ball.stl", meshes="exact"))
+    assert len(ball.faces) > 20_000
+    assert len(body.points) <= MOST_CORNERS
+    assert outside(body, ball.vertices / 1000.0) < 1e-6  # the file has single precision
 
 
 def test_a_mesh_that_is_too_large_is_to_be_decimated(tmp_path):
