@@ -163,14 +163,21 @@ def did_you_mean(name: object, known: Iterable[str]) -> str:
 def meant_file(path: Path) -> str:
     """Return a question, with a space in front, that suggests the file or folder that may be meant; "" if none is.
 
-    path  of a file or folder that is not there; names beside it are compared with its name
+    path  of a file or folder that is not there; names beside it are compared with its name. A file is never taken for
+          one of another kind, such as room.yaml for room.pgm
     """
     try:
         names = [entry.name for entry in path.absolute().parent.iterdir()]
     except OSError:
         return ""
-    near = difflib.get_close_matches(path.name, names, n=1)
+    alike = [name for name in names if _may_be_kind(path.suffix, Path(name).suffix)]
+    near = difflib.get_close_matches(path.name, alike, n=1)
     return f" Did you mean {str(path.with_name(near[0]))!r}?" if near and path.name else ""
+
+
+def _may_be_kind(ending: str, other: str) -> bool:
+    """Return whether two endings of files may be of one kind: similar, as .pgn and .png, or one of them missing."""
+    return not ending or not other or bool(difflib.get_close_matches(ending, [other], cutoff=0.7))
 
 
 def own_location(error: BaseException) -> str:

@@ -304,6 +304,18 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             the robot: criteria measure how far it breaks the rule.""",
         ),
     ),
+    "Files that `hpop plan` writes": (
+        _entry("front.json", "The front: all trajectories with their costs. `hpop show` and `hpop pick` read it."),
+        _entry("front.html", "A page to choose from the front in a browser; it needs no server and no network."),
+        _entry("ride.html", "A page that shows what the camera sees along the trajectories (`hpop ride`)."),
+        _entry("map.png, map", "Picture of all trajectories from above, over the obstacles."),
+        _entry("front.png", "Picture of the costs: what one of them gains where another one loses."),
+        _entry("trace.png, trace", "Picture of when, along the knee's trajectory, each cost arises."),
+        _entry("where.png, where", "Picture of where, along the knee's trajectory, each cost arises."),
+        _entry("side.png", "Picture of the camera's paths from the side, if its height changes."),
+        _entry("states.png", "Picture of each further state over time, such as the joints of an arm, with its limits."),
+        _entry("encounters.png", "Picture of the knee's path over time, among people who move."),
+    ),
 }
 
 HEAD = """# Glossary

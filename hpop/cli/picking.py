@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -79,10 +80,12 @@ def picked(
         else:
             point, why = part.knee(), "the knee, a compromise: the deepest point of the front's bend"
     except UnknownColumnError as error:
-        hint = "; on the command line --wish NAME=NUMBER finds the point nearest to a value" * (
-            "only reported" in str(error)
-        )
-        hint += "; --also NAME adds a criterion to these" * ("has no column" in str(error))
+        if reported := re.search(r"'(\w+)' is only reported", str(error)):
+            raise UnknownName(
+                f"{reported[1]} is reported, not minimised: take --wish {reported[1]}=0, which finds the point nearest "
+                f"to this value, or one of the columns {', '.join(front.names)}; or plan a front that minimises it"
+            ) from None
+        hint = "; --also NAME adds a criterion to these" * ("has no column" in str(error))
         raise UnknownName(f"{error}{hint}") from None
     except (FrontError, IndexError) as error:
         raise OptionError(str(error)) from None

@@ -182,14 +182,14 @@ class StageLines:
 
     def __call__(self, front: Front) -> None:
         """Print a line for a front."""
+        alone = self.last is None and front.status == Status.COMPLETE  # no other front to compare it with
         self.last = front
         if self.first is None or not len(self.first):
             self.first = front
-        (volume,) = _hypervolumes([front], [self.first])
+        (volume,) = [math.nan] if alone else _hypervolumes([front], [self.first])
         planner = front.runs[-1].get("planner", "planner")
-        measured = "" if math.isnan(volume) else f", hypervolume {volume:.4f} in the scale of this run's first front"
-        if volume > BOX ** len(front.names):
-            measured = ", hypervolume beyond the scale of this run's first front"
+        size = "beyond" if volume > BOX ** len(front.names) else f"{volume:.4f} in"
+        measured = "" if math.isnan(volume) else f", hypervolume {size} the scale of this run's first front"
         line = f"{perf_counter() - self._began:.2f} s  {planner}: {how_many(front)}{measured}, {front.status}"
         sys.stdout.write(f"{printable(line)}\n")  # plain text, so that the live progress line is not broken
 

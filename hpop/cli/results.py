@@ -179,7 +179,7 @@ def loaded(folder: Path) -> tuple[Path, Front]:
         )
     if os.path.isfile(path) and path.name != SAVED and (path.parent / SAVED).is_file() and path.suffix != ".json":
         raise OutputError(f"expected a folder that `hpop plan` wrote, got a file in it, {path}; give {path.parent}")
-    hint = "" if os.path.exists(folder) else meant_file(folder)
+    hint = "" if os.path.exists(folder) or not (near := meant_file(folder)) else f".{near}"
     if os.path.isdir(folder) and (inside := [str(one.parent) for one in sorted(folder.glob(f"*/{SAVED}"))]):
         hint = f", such as {', '.join(inside[:MOST_NAMED])}"
     with output_errors(f"cannot read {path}", f"give the folder that `hpop plan` wrote{hint}"):

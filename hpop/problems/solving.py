@@ -370,6 +370,8 @@ def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
 
 
 def _empty_groups(criteria: Sequence[Criterion]) -> list[str]:
-    """Return a note for the user on the groups (performance, comfort, robot, others) without a criterion."""
+    """Return a reminder for the user of the groups (performance, comfort, robot, others) without a criterion."""
     empty = [name for group, name in GROUPS.items() if all(c.group != group for c in criteria)]
-    return [f"no criterion for {', '.join(empty)} (see hpop explain group)"] if empty else []
+    about = {"robot": "the robot (energy, wear)", "others": "people nearby"}
+    words = " or ".join(f"{about.get(name, name)}" for name in empty)
+    return [f"none of your criteria is about {words} (hpop explain group)"] if empty else []

@@ -71,7 +71,7 @@ from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
 from hpop.preference import Preference
 from hpop.problems.problem import Problem
 from hpop.runtime import limits
-from hpop.scenario.faults import Faults, entries
+from hpop.scenario.faults import Faults
 from hpop.scenario.people import groups_of, people_of
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
@@ -88,7 +88,7 @@ from hpop.scenario.schema import (
     WorldSection,
     ZoneEntry,
 )
-from hpop.scenario.yaml_lines import Document, Place
+from hpop.scenario.yaml_lines import Document, Place, entries
 from hpop.world import World
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.content.predictions import bounded

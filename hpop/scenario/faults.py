@@ -21,12 +21,16 @@ from hpop.goals import Tour, TourStop, is_named
 from hpop.motions import Model, StateSpace
 from hpop.runtime.status import LIMITS, NO_LIMIT
 from hpop.scenario.schema import StopEntry, WorldSection, parameters_of, stop_words
-from hpop.scenario.yaml_lines import Document, Place, note_on_yaml
+from hpop.scenario.yaml_lines import Document, Place, entries, note_on_path, note_on_yaml
 from hpop.world.readers.readers import ENDINGS
 
-OTHER_WORDS = {"robot": "model", "map": "world", "target": "goal", "begin": "start"} | dict.fromkeys(
-    ("costs", "objectives"), "criteria"
-)
+OTHER_WORDS = {
+    "robot": "model",
+    "map": "world",
+    "target": "goal",
+    "begin": "start",
+    "scale": "resolution",
+} | dict.fromkeys(("costs", "objectives"), "criteria")
 """Keys that users write, by the key that a scenario has."""
 EXPECTED = {
     "string_type": "text",
@@ -50,11 +54,6 @@ MOST_COMPARED = 500
 T = TypeVar("T")
 
 
-def entries(value: Any) -> list[Any]:
-    """Return a value if it is a list, else an empty list; the schema reports the fault."""
-    return value if isinstance(value, list) else []
-
-
 class Faults:
     """Collector of the faults of a scenario file, so that all are reported together.
 
@@ -73,7 +72,9 @@ class Faults:
     def add(self, place: Place, text: str, kind: type[HpopError] = ScenarioError) -> None:
         """Add a fault at a position (keys) in the file; ``kind`` is the class of its error."""
         where = self._document.where(place) + stop_words(self._document.values, place, text)
-        self._found.append((self._document.line(place), kind(f"{where}: {text}")))
+        self._found.append(
+            (self._document.line(place), kind(f"{where}: {text}{note_on_path(text, self._document.path)}"))
+        )
 
     def raise_all(self) -> None:
         """Raise all collected faults as one error, in the order of the file; do nothing if there are none.

@@ -71,13 +71,20 @@ class GivenMap(NamedTuple):
         return cls(path, reader, given)
 
     def read(self) -> World:
-        """Read the world; a MapError also says how to set the reader's options on the command line."""
+        """Read the world; a MapError also says how an option of the reader that it names is set on the command line."""
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
-            said = str(error).rstrip(".")
-            example = self.proposed(said) or "--set scale=0.01"
-            raise MapError(f"{said}. Set options of the reader by --set, such as {example}.") from None
+            said = str(error)
+            example = self.proposed(said)
+            if not example:
+                _, *options = inspect.signature(readers[self.reader]).parameters
+                options.sort(key=lambda name: repr(name) not in said)
+                named = [name for name in options if re.search(rf"\b{name}\b", said)]  # first the one that may be meant
+                example = f"--set {named[0]}=VALUE" if named else ""
+            stop = "" if said.endswith((".", "?")) else "."
+            advice = f"{stop} Set options of the reader by --set, such as {example}." if example else ""
+            raise MapError(said + advice) from None
 
     def proposed(self, note: str) -> str:
         """Return the options of this reader that a note gives as ``name: value``, as the command line takes them.

@@ -10,9 +10,9 @@ from pydantic import BaseModel
 
 from hpop.base.text import counted, printable, shown
 from hpop.errors import MapError
-from hpop.scenario.faults import Faults, entries
+from hpop.scenario.faults import Faults
 from hpop.scenario.schema import FutureEntry, PersonEntry, TrackEntry, WaypointsEntry
-from hpop.scenario.yaml_lines import Place
+from hpop.scenario.yaml_lines import Place, entries
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person
 from hpop.world.tracks import Track, read_tracks

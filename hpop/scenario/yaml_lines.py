@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import math
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -218,3 +220,19 @@ def note_on_yaml(got: Any) -> str:
     if isinstance(got, bool):
         return " (YAML reads no, off, yes and on as truth values; put words in quotes)"
     return ""
+
+
+def note_on_path(text: str, path: Path) -> str:
+    """Return a sentence on the folder of paths if the text of a fault says that a file is missing; else "".
+
+    path  path of the scenario
+    """
+    if os.strerror(errno.ENOENT) not in text:
+        return ""
+    stop = "" if text.endswith((".", "?")) else "."
+    return f"{stop} Paths are relative to the scenario's folder, {path.absolute().parent}."
+
+
+def entries(value: Any) -> list[Any]:
+    """Return a value if it is a list, else an empty list; the schema reports the fault."""
+    return value if isinstance(value, list) else []

@@ -240,6 +240,13 @@ def test_what_lacks_or_is_strange_is_told(
         3,
         "got 'x'. Set options of the reader by --set",
     )
+    misnamed = run("new", image, "--resolution", "0.05", "--set", "treshold=0.8", *out)
+    refused(misnamed, 3, "Did you mean 'threshold'? Its options are", "such as --set threshold=VALUE.")
+    (tmp_path / "lost.yaml").write_text("image: gone.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\n"
+                                        "occupied_thresh: 0.65\nfree_thresh: 0.2\n")  # fmt: skip
+    lost = run("new", tmp_path / "lost.yaml", *out)
+    refused(lost, 3, "gone.pgm' cannot be opened: No such file or directory. Check the path.")
+    assert "--set" not in lost.stderr
     (tmp_path / "plan.xyz").touch()
     refused(run("new", tmp_path / "plan.xyz"), 3, "no reader is known for this ending")
 

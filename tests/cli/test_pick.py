@@ -106,7 +106,11 @@ def test_it_says_why_and_what_it_costs(run: Run, folder: Path, front: Front) -> 
         (["--wish", "turns=inf"], 10, "finite"),
         (["--wish", "lenght=3"], 7, "Did you mean 'length'?"),
         (["--least", "lenght"], 7, "Did you mean 'length'?"),
-        (["--least", "obstruction"], 7, "on the command line --wish NAME=NUMBER finds the point nearest"),
+        (
+            ["--least", "obstruction"],
+            7,
+            "obstruction is reported, not minimised: take --wish obstruction=0, which finds",
+        ),
         (["--least", "turns,turns"], 10, "distinct"),
         (["--row", "9999"], 10, "no row 9999: the front has rows 0 to "),
         (["--row", "kneee"], 7, "Did you mean 'knee'?"),

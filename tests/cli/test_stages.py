@@ -235,6 +235,8 @@ def test_hypervolumes_are_told_in_the_scale_of_the_first_front(capsys: pytest.Ca
     assert [volume for *_, volume, _ in said] == ["0.0000", "0.2100", "0.2100", "beyond"]
     assert printed.count("the scale of this run's first front") == 4  # another run may have another first front
     assert say.last is told
+    report.StageLines()(replace(told, status=Status.COMPLETE))  # alone, so there is nothing to compare it with
+    assert capsys.readouterr().out.endswith("s  p: 1 trajectory, complete\n")
 
 
 def test_saved_stages_are_valid_fronts(room: Path, monkeypatch: pytest.MonkeyPatch) -> None:

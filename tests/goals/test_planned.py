@@ -46,7 +46,7 @@ def test_every_trajectory_ends_where_the_camera_looks_at_the_target(front: Front
 
 
 def test_the_certificate_says_how_many_states_of_the_goal_were_sought_found_and_free(front: Front) -> None:
-    assert " free states of the goal (100 found, 100 sought) for (turns, length)" in front.certificate
+    assert " free states of the goal (100 found, 100 sought), for (turns, length)" in front.certificate
 
 
 def test_a_printed_front_names_what_it_is_a_front_to(front: Front, capsys: pytest.CaptureFixture[str]) -> None:

@@ -187,7 +187,9 @@ def test_a_front_keeps_what_is_not_dominated_and_says_who_found_it() -> None:
     assert front.certificate == "as given"
     (run,) = front.runs
     assert run["planner"] == "fixed"
-    assert run["notes"] == ["no criterion for performance, robot, others (see hpop explain group)"]
+    assert run["notes"] == [
+        "none of your criteria is about performance or the robot (energy, wear) or people nearby (hpop explain group)"
+    ]
 
 
 @pytest.mark.parametrize(("off", "tolerance", "valid"), [(0.0, 0.0, True), (0.01, 0.02, True), (0.01, 0.005, False)])

@@ -99,6 +99,7 @@ def test_a_scenario_with_tracks_survives_its_description(made):
     ("entry", "kind", "place", "says"),
     [
         ("{track: none.txt}", MapError, "people.0", "none.txt' cannot be opened"),
+        ("{track: none.txt}", MapError, "people.0", "Paths are relative to the scenario's folder, /"),
         ("{track: tracks.txt, frame_rate: 25}", MapError, "people.0", "rate of 10 per second, but frame_rate is 25"),
         ("{track: tracks.txt, frame_rate: 0}", ScenarioError, "people.0.frame_rate", "greater than 0, got 0"),
         ("{track: tracks.txt, unit: km}", ScenarioError, "people.0.unit", "expected 'm', 'cm' or 'mm', got 'km'"),

@@ -79,5 +79,6 @@ def test_faults_name_the_line_and_what_was_expected(tmp_path, old, new, kind, me
 
 def test_a_missing_scene_is_an_error_of_the_map_with_its_line(tmp_path):
     text = "world:\n  moveit_scene: {path: gone.yaml}\n" + SCENARIO[SCENARIO.index("start") :]
-    with pytest.raises(MapError, match=r"line 2, .*gone\.yaml' cannot be opened"):
+    with pytest.raises(MapError, match=r"line 2, .*gone\.yaml' cannot be opened") as raised:
         loaded(tmp_path, text)
+    assert str(raised.value).endswith(f" Paths are relative to the scenario's folder, {tmp_path}.")

@@ -19,7 +19,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.files import read_regular
 from hpop.base.options import MOST
 from hpop.base.text import printable, shown
-from hpop.errors import ModelError
+from hpop.errors import ModelError, meant_file
 
 MOST_BYTES = 10_000_000
 """Size of the largest file that is read."""
@@ -139,7 +139,9 @@ def file_bytes(path: Path, what: str, most: int) -> bytes:
     try:
         data = read_regular(path, most)
     except OSError as error:
-        way = "make it smaller (decimate a mesh)" if error.errno == errno.EFBIG else "check the path"
+        way = (
+            "make it smaller (decimate a mesh)" if error.errno == errno.EFBIG else f"check the path.{meant_file(path)}"
+        )
         raise ModelError(
             f"the {what} {shown(str(path), 400)} cannot be opened: {error.strerror or error}; {way}"
         ) from None

@@ -147,7 +147,7 @@ class Query:
     def where(self) -> str:
         """Description, for the certificate, of the task: graph, clock, criteria, limit on turns and closed arcs."""
         in_time = "" if self.timing is None else f", {self.timing.words},"
-        words = f"{self.part}{in_time} for ({self.names})"
+        words = f"{self.part}{in_time or ','} for ({self.names})"
         if self.max_turns is not None:
             words += f" and at most {self.max_turns} turns"
         closed = 0 if self.closed is None else int(self.closed.sum())
@@ -268,7 +268,7 @@ class Query:
             self,
             # the last stage says why there is no path
             replace(paths, status=Status.UNFINISHED) if paths.status is Status.NO_PATH else paths,
-            f"{what} of {self.space.words} for ({self.names})",
+            f"{what} of {self.space.words}, for ({self.names})",
             provenance=[{"stage": what}] * len(paths),
             stats={"method": paths.stats.method, "peak_memory": paths.stats.peak_memory},
         )

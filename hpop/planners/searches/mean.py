@@ -153,7 +153,7 @@ def exact_mean(
         checkpoint=spending.limits.checkpoint,
     )
     optimised = tuple(c for c in criteria if c.aggregate != "trajectory")
-    where = f"{query.space.words} for ({', '.join(c.name for c in optimised)})"
+    where = f"{query.space.words}, for ({', '.join(c.name for c in optimised)})"
     size = f"{most * quanta[column]:.6g} {query.objectives.optimised[column].unit}"
     cap = f"{detour.cost} <= {size} ({detour.factor:g} times the least)"
     if query.max_turns is not None:

@@ -19,7 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import one_of, real
 from hpop.base.text import shown
-from hpop.errors import MapError
+from hpop.errors import MapError, did_you_mean
 from hpop.world.files import extract, file_source, named, read_bytes, read_text, read_yaml
 from hpop.world.geometry.shapes import Raster, check_heights, check_pose, check_positive, check_span
 from hpop.world.ground import WHOLE, Ground, Heights
@@ -154,6 +154,10 @@ def _on_mask(mask: OccupancyMap, path: str | Path) -> tuple[str, ...]:
 
 def load(path: str | Path) -> OccupancyMap:
     """Read a map_server yaml file and its image, and classify the cells; MapError for a missing or invalid file."""
+    if isinstance(path, str | os.PathLike) and Path(path).suffix.lower() in ENDINGS:
+        beside = Path(path).with_suffix(".yaml")
+        hint = f": {named(beside)}" if beside.is_file() else f", or read it by World.from_image({str(path)!r}, 0.05)"
+        raise MapError(f"{named(path)} is an image; give the yaml file of map_server that names it{hint}.")
     content = read_bytes(path, "map file", limit=MAX_YAML)
     data = _mapping(read_text(content, path, "map file"), path)
     data = {key: _plain(value) for key, value in data.items()}
@@ -284,7 +288,8 @@ def _mapping(text: str, path: str | Path) -> dict[str, Any]:
         raise MapError(f"{path} must hold a yaml mapping with {', '.join(KEYS)}; got {type(data).__name__}.")
     missing = [key for key in KEYS if key not in data]
     if missing:
-        raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.")
+        hint = next(filter(None, (did_you_mean(key, missing) for key in data if key not in KEYS)), "")
+        raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.{hint}")
     for key in KEYS:
         value = data[key]
         if isinstance(value, dict) or (isinstance(value, list) and any(map(_nested, value))):

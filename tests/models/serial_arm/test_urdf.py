@@ -119,6 +119,8 @@ def test_what_is_missing_is_named(tmp_path):
         SerialArm.from_urdf(HERE / "arm6.urdf", tip="tool", accelerations=6.0)
     with pytest.raises(ModelError, match=r"the URDF '.*lost.urdf' cannot be opened.*check the path"):
         SerialArm.from_urdf(tmp_path / "lost.urdf", tip="eye", acceleration=1.0)
+    with pytest.raises(ModelError, match=r"arm7\.urdf' cannot be opened: .* Did you mean '.*arm6\.urdf'\?"):
+        SerialArm.from_urdf(HERE / "arm7.urdf", tip="eye", acceleration=1.0)
     with pytest.raises(ModelError, match=r"the SRDF '.*lost.srdf' cannot be opened"):
         crane(tmp_path, srdf=tmp_path / "lost.srdf")
 

@@ -100,11 +100,11 @@ def test_the_certificate_claims_optimal_means_only_when_duration_is_minimised():
 
     plain = certificate("turns", "length")
     assert plain == (
-        "lattice: exact on the lattice of step 0.5 m, 8 headings, no corner cutting for (turns, length); "
+        "lattice: exact on the lattice of step 0.5 m, 8 headings, no corner cutting, for (turns, length); "
         "paths off this graph may be better; edge costs rounded to their quanta"
     )
     without = certificate("obstruction", "turns", "length")
-    assert "no corner cutting for (exposure, turns, length)" in without
+    assert "no corner cutting, for (exposure, turns, length)" in without
     assert without.endswith("; obstruction reported, not optimised")
     timed = certificate("obstruction", "turns", "duration")
     assert "each trajectory is optimal for it as well, since the duration is minimised too" in timed

@@ -196,7 +196,7 @@ def test_a_front_of_problem_solve_holds_the_mean_itself():
     assert cap == pytest.approx(1.6 * front.runs[0]["least_duration"], abs=1e-6)
     assert front.certificate == (
         f"lattice: exact under duration <= {cap:.6g} s (1.6 times the least) on the lattice of step 0.5 m, 4 headings, "
-        "no corner cutting for (obstruction, turns, length); paths off this graph may be better, and "
+        "no corner cutting, for (obstruction, turns, length); paths off this graph may be better, and "
         "nothing is claimed beyond the cap; edge costs rounded to their quanta"
     )
     assert all(p["planner"] == "lattice" and p["max_detour"] == 1.6 for p in front.provenance)
@@ -215,7 +215,7 @@ def test_a_front_under_a_cap_on_the_length_says_so():
     assert "duration_cap" not in run
     assert front.certificate == (
         f"lattice: exact under length <= {run['length_cap']:.6g} m (1.4 times the least) and at most 5 turns on the "
-        "lattice of step 0.5 m, 4 headings, no corner cutting for (obstruction, turns, length); paths off this "
+        "lattice of step 0.5 m, 4 headings, no corner cutting, for (obstruction, turns, length); paths off this "
         "graph may be better, and nothing is claimed beyond the cap; edge costs rounded to their quanta"
     )
     assert all(p["max_detour"] == {"length": 1.4} for p in front.provenance)

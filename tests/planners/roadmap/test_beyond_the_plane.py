@@ -279,7 +279,7 @@ def test_options_of_configurations_are_refused_where_positions_are_taken() -> No
 def test_they_serve_robots_of_the_plane_that_ask_for_them() -> None:
     front = in_plane(HEAD).solve("roadmap", samples=80, far=6, trees=3, seed=1)
     assert verify(in_plane(HEAD), front) == []
-    assert " and 6 links of each to states farther away, 3 guides (paths that random trees found) " in front.certificate
+    assert " neighbours and 6 far links of each, 3 guides (paths that random trees found) " in front.certificate
 
 
 # Guides

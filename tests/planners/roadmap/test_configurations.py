@@ -279,7 +279,7 @@ def test_a_goal_of_ones_own_is_reached_at_one_of_its_states() -> None:
     assert len(found.trajectories) >= 2
     assert all(trajectory.states.x[-1] >= 4.0 for trajectory in found.trajectories)
     assert ", 100 free states of the goal" not in found.certificate  # some of them are blocked
-    assert "free states of the goal (100 found, 100 sought) for (duration" in found.certificate
+    assert "free states of the goal (100 found, 100 sought), for (duration" in found.certificate
 
 
 def test_who_is_at_the_goal_already_stays() -> None:

@@ -147,7 +147,7 @@ def test_what_is_found_holds_what_it_claims(robot, goal_yaw, samples):
 def test_the_certificate_and_the_provenance_name_the_roadmap():
     found = Roadmap(samples=20, seed=3, neighbours=5).solve(problem(criteria=["turns", "length"]))
     assert found.certificate == (
-        "roadmap: exact on the roadmap of 20 samples (seed 3) and 5 neighbours of each for (turns, length); paths "
+        "roadmap: exact on the roadmap of 20 samples (seed 3) and 5 neighbours of each, for (turns, length); paths "
         "off this graph may be better; edge costs rounded to their quanta"
     )
     for trajectory, origin in zip(found.trajectories, found.provenance, strict=True):

@@ -1,5 +1,6 @@
 """ROS map_server maps: real ones with known counts, every mode, and every way to be broken."""
 
+import re
 from contextlib import suppress
 
 import numpy as np
@@ -205,6 +206,16 @@ def test_the_image_of_the_very_name_comes_before_others_and_folders_are_no_image
         load(write(tmp_path, image="/home/ada/nowhere.pgm"))
 
 
+def test_an_image_in_place_of_its_yaml_is_told_and_a_yaml_is_no_guess_for_an_image(tmp_path):
+    path = write(tmp_path)
+    for image, said in (("map.pgm", f"names it: '{path}'"), ("plan.pgm", "or read it by World.from_image(")):
+        with pytest.raises(MapError, match=re.escape(said)):
+            World.from_ros_map(tmp_path / image)
+    (tmp_path / "map.pgm").unlink()
+    with pytest.raises(MapError, match=r"map\.pgm' cannot be opened: [^?]*$"):
+        load(path)
+
+
 # Masks, as keep-out editors write them: mode scale, black at the threshold 1
 
 
@@ -292,6 +303,7 @@ def test_the_image_is_found_beside_the_yaml_whatever_the_working_directory(tmp_p
         ({"image": "."}, "found a folder"),
         ({"image": '"a\\0b"'}, "cannot be opened"),
         ({"resolution": None}, "lacks resolution"),
+        ({"resolution": None, "resolutoin": 0.5}, r"free_thresh\. Did you mean 'resolution'\?"),
         ({"image": None, "origin": None}, "lacks image, origin"),
         ({"origin": "!!python/object/apply:os.system ['true']"}, "not a plain yaml file"),
         ({"origin": "[0, 0"}, "not a plain yaml file"),

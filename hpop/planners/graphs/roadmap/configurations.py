@@ -292,7 +292,7 @@ def configuration_roadmap(
     if views is not None:
         chosen = {**chosen, "samples": len(rows) + views.size, "views": views.size}
     if nearest_in_random_subsets:
-        name += f" and {nearest_in_random_subsets} links of each to states farther away"
+        name = f"{name.removesuffix(' of each')} and {nearest_in_random_subsets} far links of each"
         chosen = {**chosen, "far": nearest_in_random_subsets}
     if views is not None:
         name += f", {views.size} views"
