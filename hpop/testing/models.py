@@ -38,6 +38,7 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
 PAIRS = 12  # motions of each law
+NEARER = 0.8  # share of the way to b in each draw after the first
 DRAWS = 50  # of pairs of states, until enough of them are joinable
 STATES = 200  # random states that are read and connected
 JUDGED = 80  # random states, and random motions of each law, that are checked for collisions
@@ -170,11 +171,18 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 
 
 def drawn_pairs(model: Model, world: World, rng: np.random.Generator, size: int) -> tuple[States, States]:
-    """Return random states a and b (size,) that the model calls joinable; raise ModelError if there are too few."""
+    """Return random states a and b (size,) that the model calls joinable; raise ModelError if there are too few.
+
+    Where time is a state, the others of b are nearer and nearer to those of a, so that the time suffices.
+    """
     names, drawn = model.space.names, 0
     pairs: list[FloatArray] = []
-    for _ in range(DRAWS):
+    for draw in range(DRAWS):
         a, b = (drawn_states(model, world, rng, size) for _ in range(2))
+        if draw and "time" in model.provides:
+            change = model.space.differences(a, b)
+            nearer = {name: getattr(a, name) + NEARER**draw * change[name] for name in names[:-1]}
+            b = States(**b.__dict__ | nearer)
         pairs.append(np.array([[getattr(end, name) for end in (a, b)] for name in names])[..., model.joinable(a, b)])
         if (drawn := drawn + pairs[-1].shape[-1]) >= size:
             columns = dict(zip(names, np.concatenate(pairs, axis=-1)[..., :size], strict=True))

@@ -19,7 +19,7 @@ from hpop.base.registry import make_model, models
 from hpop.errors import ModelError
 from hpop.motions import Phase, States
 from hpop.testing import check_model, conformance
-from tests.two_arms import sweep, two_arms
+from tests.two_arms import two_arms
 
 PLUGIN = Path(__file__).resolve().parents[2] / "examples/plugin"
 DESCRIBED = "can be made again from its description"
@@ -79,7 +79,6 @@ def registered() -> list[str]:
     return [name for name, cls in models.items() if cls.__module__.startswith("hpop.")]
 
 
-SLOW = two_arms(motion=sweep(times=[0.0, 8.0, 20.0]), step=0.5)
 ARM = Path(__file__).resolve().parents[2] / "examples/arm"
 ARM6: dict[str, Any] = {
     "urdf": str(ARM / "arm6.urdf"),
@@ -92,7 +91,7 @@ NEEDED: dict[str, dict[str, Any]] = {
     "mobile_arm": {"arm": {"serial_arm": {**ARM6, "base": [0.05, 0.0, 0.4, 0.0, 0.0, 0.3]}}},
     "pan_tilt": {"base": {"differential_drive": {}}},
     "serial_arm": {**ARM6, "base": [6.0, 4.5, 0.2, 0.0, 0.0, 0.0]},  # in the middle of the room
-    "two_arms": SLOW.describe()["two_arms"],
+    "two_arms": two_arms().describe()["two_arms"],
 }
 
 
@@ -111,7 +110,7 @@ def test_every_registered_robot_passes(name: str) -> None:
 @pytest.mark.proof
 def test_a_robot_in_time_that_calls_every_pair_of_states_joinable_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(hpop.TwoArms, "joinable", lambda model, a, b: np.ones(a.size, dtype=bool))
-    (fault,) = [check for check in conformance(SLOW) if check.fault]
+    (fault,) = [check for check in conformance(two_arms()) if check.fault]
     assert fault.claim == CONNECTED
 
 
