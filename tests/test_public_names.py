@@ -140,6 +140,7 @@ hpop.ros.Interface
 hpop.ros.PathServer
 hpop.ros.PlanarPose
 hpop.ros.Planned
+hpop.ros.Transforms
 hpop.ros.path_message
 hpop.ros.plain
 hpop.ros.planar_pose

@@ -30,7 +30,6 @@ from ros_fields import fields_of, filled, type_of
 
 from hpop.errors import RosError
 from hpop.ros import Ended, Follower, FollowInterface, FollowPlanner, FollowSettings, Hearing, Interface
-from hpop.ros.navigation import goal_poses, navigation_feedback, navigation_result, twist
 from hpop.scenario import load_scenario
 
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -89,7 +88,7 @@ class HpopFollower(Node):
         now = self.now()
         step = self.follower.step(now)
         if step.command is not None:
-            self._publish(self.known.cmd_topic, twist(self.known, step.command, self.get_clock().now().nanoseconds))
+            self._publish(self.known.cmd_topic, self.known.twist(step.command, self.get_clock().now().nanoseconds))
         for event in step.events:
             if isinstance(event, Ended):
                 goal = self.goals.get(event.goal)
@@ -110,7 +109,7 @@ class HpopFollower(Node):
         name, goal = uuid.uuid4().hex, Open()
         self.goals[name] = goal
         try:
-            self.follower.follow(name, goal_poses(fields_of(handle.request), self.known), self.now())
+            self.follower.follow(name, self.known.goal_poses(fields_of(handle.request)), self.now())
         except RosError as error:
             goal.end = Ended(name, False, str(error))
             goal.over.set()
@@ -118,7 +117,7 @@ class HpopFollower(Node):
             if handle.is_cancel_requested:
                 with suppress(RosError):  # it has just ended
                     self.follower.cancel(name)
-            told = navigation_feedback(self.known, action, self.follower.state(self.now()))
+            told = self.known.feedback(action, self.follower.state(self.now()))
             handle.publish_feedback(filled(kind.Feedback(), told))
         del self.goals[name]
         assert goal.end is not None
@@ -128,7 +127,7 @@ class HpopFollower(Node):
             handle.canceled()
         else:
             handle.abort()
-        return filled(kind.Result(), navigation_result(self.known, action, goal.end))
+        return filled(kind.Result(), self.known.result(action, goal.end))
 
     def _listen(self, topic: str, kind: str, group: Any) -> None:
         try:

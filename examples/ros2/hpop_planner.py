@@ -1,8 +1,7 @@
-"""hpop as a node of ROS 2: the action ComputePathToPose, and the front of each plan on a topic. UNTESTED.
+"""hpop as a node of ROS 2: the action ComputePathToPose, and the front of each plan on a topic.
 
-No ROS was at hand where this was written: it was read and linted, never run. What is tested is `hpop ros`, which does
-the same over rosbridge; both share `hpop.ros.GoalPlanner`. It needs ROS 2 Jazzy or later with Nav2's messages, and
-hpop in the same Python:
+It is `hpop ros plan` without rosbridge; both share `hpop.ros.GoalPlanner`. It needs ROS 2 Jazzy or later with Nav2's
+messages, and hpop in the same Python:
 
     source /opt/ros/jazzy/setup.bash
     python examples/ros2/hpop_planner.py --ros-args -p scenario:=examples/museum.yaml -p choice:="fewest turns"
@@ -13,7 +12,6 @@ Parameters: scenario, choice (knee), frame_id (map), base_frame (base_link), act
 from __future__ import annotations
 
 import json
-import math
 import threading
 from contextlib import suppress
 
@@ -24,11 +22,12 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
-from rosidl_runtime_py import message_to_ordereddict, set_message_fields
+from ros_fields import fields_of, filled
 from std_msgs.msg import String
-from tf2_ros import Buffer, TransformException, TransformListener
+from tf2_msgs.msg import TFMessage
 
-from hpop.ros import GoalPlanner, Interface, PlanarPose
+from hpop.errors import RosError
+from hpop.ros import GoalPlanner, Interface, PlanarPose, Transforms
 from hpop.scenario import load_scenario
 
 
@@ -52,10 +51,12 @@ class Planner(Node):
         front = self.planning.rehearsed()
         self.get_logger().info(f"planned the scenario's own question: {len(front)} trajectories, {front.status}")
         self.one = threading.Lock()
-        self.transforms = Buffer()
-        TransformListener(self.transforms, self)
+        self.transforms = Transforms()
         kept = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        self.create_subscription(TFMessage, "/tf", lambda message: self.hear(message, static=False), 100)
+        self.create_subscription(TFMessage, "/tf_static", lambda message: self.hear(message, static=True), kept)
         self.options = self.create_publisher(String, known.options_topic, kept)
+        self.create_timer(0.5, lambda: None)  # wakes the executor, so that Ctrl-C is seen
         self.server = ActionServer(
             self,
             ComputePathToPose,
@@ -76,11 +77,11 @@ class Planner(Node):
         try:
             with self.one:
                 follow(None)
-                answer = self.planning.answer(message_to_ordereddict(goal.request), self.robot(), follow)
+                answer = self.planning.answer(fields_of(goal.request), self.robot(), follow)
         except GivenUp:
             goal.canceled()
             return result
-        set_message_fields(result, answer.values)
+        filled(result, answer.values)
         if answer.options is None:
             self.get_logger().warning(result.error_msg)
             goal.abort()
@@ -89,16 +90,17 @@ class Planner(Node):
             goal.succeed()
         return result
 
-    def robot(self) -> PlanarPose | None:
-        """Return the robot's pose by tf2; None where it is unknown."""
-        frame = self.planning.known.frame_id
+    def hear(self, message: TFMessage, *, static: bool) -> None:
+        """Take transforms."""
         try:
-            found = self.transforms.lookup_transform(frame, self.base_frame, rclpy.time.Time()).transform
-        except TransformException:
-            return None
-        q = found.rotation
-        yaw = math.atan2(2.0 * (q.x * q.y + q.w * q.z), q.w * q.w + q.x * q.x - q.y * q.y - q.z * q.z)
-        return PlanarPose(found.translation.x, found.translation.y, yaw, frame)
+            self.transforms.hear(fields_of(message), 1e-9 * self.get_clock().now().nanoseconds, static=static)
+        except RosError as error:
+            self.get_logger().warning(f"ignored {error}", throttle_duration_sec=1.0)
+
+    def robot(self) -> PlanarPose | None:
+        """Return the robot's pose by tf; None where it is unknown."""
+        found = self.transforms.pose(self.planning.known.frame_id, self.base_frame)
+        return None if found is None else found[0]
 
     def _given(self, name: str, default: str) -> str:
         return self.declare_parameter(name, default).value

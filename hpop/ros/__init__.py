@@ -16,6 +16,7 @@ from hpop.ros.follow_server import FollowServer
 from hpop.ros.following import Follower
 from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
 from hpop.ros.navigation import FollowInterface, Hearing
+from hpop.ros.observations import Transforms
 from hpop.ros.paths import path_message, trajectory_of
 from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import Interface
@@ -34,6 +35,7 @@ __all__ = [
     "PathServer",
     "PlanarPose",
     "Planned",
+    "Transforms",
     "path_message",
     "plain",
     "planar_pose",

@@ -19,7 +19,7 @@ from hpop.ros import protocol
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
 from hpop.ros.messages import Message
-from hpop.ros.navigation import FollowInterface, Hearing, goal_poses, navigation_feedback, navigation_result, twist
+from hpop.ros.navigation import FollowInterface, Hearing
 from hpop.ros.protocol import GoalStatus, MessageServer
 from hpop.runtime.status import log
 from hpop.simulation.tracking import Command
@@ -79,7 +79,7 @@ class FollowServer(MessageServer):
         """Return the messages that end a connection: the robot is told to stand first."""
         known = self.known
         return [
-            self._publication(known.cmd_topic, twist(known, Command(0.0, 0.0), 0)),
+            self._publication(known.cmd_topic, known.twist(Command(0.0, 0.0), 0)),
             *({"op": "unadvertise_action", "action": action} for action in known.actions),
             *({"op": "unsubscribe", "topic": topic} for topic in known.heard),
             *({"op": "unadvertise", "topic": topic} for topic in known.told),
@@ -107,7 +107,7 @@ class FollowServer(MessageServer):
         action = self._checked_action(message)
         goal = protocol.goal_id(message)
         try:
-            poses = goal_poses(message.get("args"), self.known)
+            poses = self.known.goal_poses(message.get("args"))
         except RosError as error:
             self._send_result(action, Ended(goal, False, str(error)))
             raise
@@ -142,10 +142,10 @@ class FollowServer(MessageServer):
                 log.exception("following failed")
                 self.remark(f"following failed ({type(error).__name__}: {error})")
                 self.follower.drop()
-                self.tell(self._publication(self.known.cmd_topic, twist(self.known, Command(0.0, 0.0), time_ns())))
+                self.tell(self._publication(self.known.cmd_topic, self.known.twist(Command(0.0, 0.0), time_ns())))
                 continue
             if step.command is not None:
-                self.tell(self._publication(self.known.cmd_topic, twist(self.known, step.command, time_ns())))
+                self.tell(self._publication(self.known.cmd_topic, self.known.twist(step.command, time_ns())))
             for event in step.events:
                 self._send_event(event)
             if now - told >= TOLD:
@@ -156,7 +156,7 @@ class FollowServer(MessageServer):
         self.tell(self._publication(self.known.own("state"), {"data": protocol.encoded(state)}))
         action = self._actions.get(state["goal"])
         if action is not None:
-            values = navigation_feedback(self.known, action, state)
+            values = self.known.feedback(action, state)
             self.tell(protocol.action_feedback(action, state["goal"], values))
 
     def _send_event(self, event: Ended | Planned) -> None:
@@ -170,7 +170,7 @@ class FollowServer(MessageServer):
     def _send_result(self, action: str, ended: Ended) -> None:
         failed = GoalStatus.CANCELED if ended.canceled else GoalStatus.ABORTED
         status = GoalStatus.SUCCEEDED if ended.reached else failed
-        self.tell(protocol.action_result(action, ended.goal, status, navigation_result(self.known, action, ended)))
+        self.tell(protocol.action_result(action, ended.goal, status, self.known.result(action, ended)))
 
     def _publication(self, topic: str, message: Message) -> Message:
         return {"op": "publish", "topic": topic, "msg": message}

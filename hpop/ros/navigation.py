@@ -126,6 +126,53 @@ class FollowInterface:
         own = {self.own(name): TEXT for name in ("state", "options")}
         return {self.cmd_topic: self.cmd_type, self.own("path"): "nav_msgs/msg/Path", **own}
 
+    def goal_poses(self, goal: Any) -> tuple[PlanarPose, ...]:
+        """Return the poses of a goal of NavigateToPose or NavigateThroughPoses; RosError for an invalid one."""
+        told = mapping(goal, "the goal")
+        rows = [told["pose"]] if "pose" in told else told.get("poses")
+        if isinstance(rows, Mapping):  # nav_msgs/Goals, since Kilted
+            rows = rows.get("goals")
+        if not isinstance(rows, Sequence) or isinstance(rows, str) or not 0 < len(rows) <= 60:
+            raise RosError(f"a goal must have a pose, or 1 to 60 poses, got {shown(rows)}")
+        poses = [planar_pose(row, f"pose {i} of the goal") for i, row in enumerate(rows, 1)]
+        for pose in poses:
+            if pose.frame != self.frame_id:
+                raise RosError(f"poses of a goal must be in the frame {self.frame_id}, got {shown(pose.frame)}")
+        return tuple(poses)
+
+    def result(self, action: str, ended: Ended) -> Message:
+        """Return the fields of the result of a navigation action, as the distribution has them."""
+        several = action != self.action
+        code = 0 if ended.reached or ended.canceled else 9100 if several else 9000  # UNKNOWN, since Kilted
+        whole = {
+            "result": {},
+            "error_code": code,
+            "error_msg": "" if ended.reached else ended.words,
+            "waypoint_statuses": [],
+        }
+        names = {"humble": ("result",), "iron": ("error_code",), "jazzy": ("error_code", "error_msg")}.get(
+            self.distribution, ("error_code", "error_msg", *(("waypoint_statuses",) if several else ()))
+        )
+        return {name: whole[name] for name in names}
+
+    def feedback(self, action: str, state: Mapping[str, Any]) -> Message:
+        """Return the feedback of a navigation action, from the state of a follower."""
+        pose = state["pose"] or (0.0, 0.0, 0.0)
+        told = {
+            "current_pose": pose_message(*pose, frame_id=self.frame_id),
+            "navigation_time": stamp(round(state["elapsed"] * SECOND)),
+            "estimated_time_remaining": stamp(round(state["remaining_time"] * SECOND)),
+            "number_of_recoveries": 0,
+            "distance_remaining": state["remaining_length"],
+        }
+        return told | ({"number_of_poses_remaining": state["poses_remaining"]} if action != self.action else {})
+
+    def twist(self, command: Command, now: int) -> Message:
+        """Return a command as a Twist, or as a TwistStamped with a time in ns."""
+        told = {"linear": {"x": command.v, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": command.w}}
+        stamped = self.cmd_type == COMMANDS[1]
+        return {"header": header(now, self.base_frame), "twist": told} if stamped else told
+
 
 @checked_arguments
 class Hearing:
@@ -191,54 +238,3 @@ class Hearing:
             if not variance < LOST**2:
                 return  # too uncertain to drive by
         self.follower.located(pose, now - age)
-
-
-def goal_poses(goal: Any, known: FollowInterface) -> tuple[PlanarPose, ...]:
-    """Return the poses of a goal of NavigateToPose or NavigateThroughPoses; RosError for an invalid one."""
-    told = mapping(goal, "the goal")
-    rows = [told["pose"]] if "pose" in told else told.get("poses")
-    if isinstance(rows, Mapping):  # nav_msgs/Goals, since Kilted
-        rows = rows.get("goals")
-    if not isinstance(rows, Sequence) or isinstance(rows, str) or not 0 < len(rows) <= 60:
-        raise RosError(f"a goal must have a pose, or 1 to 60 poses, got {shown(rows)}")
-    poses = [planar_pose(row, f"pose {i} of the goal") for i, row in enumerate(rows, 1)]
-    for pose in poses:
-        if pose.frame != known.frame_id:
-            raise RosError(f"poses of a goal must be in the frame {known.frame_id}, got {shown(pose.frame)}")
-    return tuple(poses)
-
-
-def navigation_result(known: FollowInterface, action: str, ended: Ended) -> Message:
-    """Return the fields of the result of a navigation action, as the distribution has them."""
-    several = action != known.action
-    code = 0 if ended.reached or ended.canceled else 9100 if several else 9000  # UNKNOWN, since Kilted
-    whole = {
-        "result": {},
-        "error_code": code,
-        "error_msg": "" if ended.reached else ended.words,
-        "waypoint_statuses": [],
-    }
-    names = {"humble": ("result",), "iron": ("error_code",), "jazzy": ("error_code", "error_msg")}.get(
-        known.distribution, ("error_code", "error_msg", *(("waypoint_statuses",) if several else ()))
-    )
-    return {name: whole[name] for name in names}
-
-
-def navigation_feedback(known: FollowInterface, action: str, state: Mapping[str, Any]) -> Message:
-    """Return the feedback of a navigation action, from the state of a follower."""
-    pose = state["pose"] or (0.0, 0.0, 0.0)
-    told = {
-        "current_pose": pose_message(*pose, frame_id=known.frame_id),
-        "navigation_time": stamp(round(state["elapsed"] * SECOND)),
-        "estimated_time_remaining": stamp(round(state["remaining_time"] * SECOND)),
-        "number_of_recoveries": 0,
-        "distance_remaining": state["remaining_length"],
-    }
-    return told | ({"number_of_poses_remaining": state["poses_remaining"]} if action != known.action else {})
-
-
-def twist(known: FollowInterface, command: Command, now: int) -> Message:
-    """Return a command as a Twist, or as a TwistStamped with a time in ns."""
-    told = {"linear": {"x": command.v, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y": 0.0, "z": command.w}}
-    stamped = known.cmd_type == COMMANDS[1]
-    return {"header": header(now, known.base_frame), "twist": told} if stamped else told

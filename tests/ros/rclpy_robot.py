@@ -11,7 +11,7 @@ from typing import Any
 
 import rclpy
 from geometry_msgs.msg import PoseStamped, TransformStamped, Twist
-from nav2_msgs.action import NavigateThroughPoses, NavigateToPose
+from nav2_msgs.action import ComputePathToPose, NavigateThroughPoses, NavigateToPose
 from nav_msgs.msg import OccupancyGrid, Path
 from rclpy.action import ActionClient
 from rclpy.node import Node
@@ -92,33 +92,53 @@ node.create_subscription(String, "/hpop/options", heard["options"].append, latch
 node.create_subscription(String, "/hpop/state", heard["state"].append, 10)
 to_pose = ActionClient(node, NavigateToPose, "/hpop/navigate_to_pose")
 through = ActionClient(node, NavigateThroughPoses, "/hpop/navigate_through_poses")
-assert to_pose.wait_for_server(timeout_sec=120.0), "the node offers no action"
+plan = ActionClient(node, ComputePathToPose, "/hpop/compute_path_to_pose")
 said: dict[str, Any] = {}
 
-publish_map([])
-_, ends, fed_back = send(through, NavigateThroughPoses.Goal(poses=[pose(2.0, 2.0), pose(5.0, 2.0)]))
-assert until(lambda: robot.v > 0.7), "it never drove"
-robot.blind = True
-said["stopped without tf"] = until(lambda: robot.v == 0.0, 5.0)
-place = robot.x
-said["stood"] = not until(lambda: robot.x != place, 1.0)
-said["why"] = json.loads(heard["state"][-1].data)["why"]
-publish_map([(40, 10, 42, 31)])
-robot.blind = False
-said["ended"] = until(ends.done)
-said["status"], said["error_msg"] = ends.result().status, ends.result().result.error_msg
-said["feedback"], said["poses remaining"] = len(fed_back), fed_back[-1].number_of_poses_remaining
-said["paths"], said["passed"] = len(heard["path"]), robot.passed
-said["options"] = json.loads(heard["options"][-1].data)["names"]
 
-handle, ends, _ = send(to_pose, NavigateToPose.Goal(pose=pose(1.0, 1.0)))
-assert until(lambda: abs(robot.v) + abs(robot.w) > 0.2), "it never drove back"
-canceled = handle.cancel_goal_async()
-said["canceled"] = until(ends.done) and ends.result().status
-said["stands after cancel"] = until(lambda: robot.v == robot.w == 0.0, 5.0)
-wrong = pose(1.0, 1.0)
-wrong.header.frame_id = "odom"
-_, ends, _ = send(to_pose, NavigateToPose.Goal(pose=wrong))
-said["wrong frame"] = until(ends.done) and (ends.result().status, ends.result().result.error_msg)
+def drives() -> None:
+    """Drive through poses, lose tf, meet an obstacle; then cancel a goal, and send one in another frame."""
+    assert to_pose.wait_for_server(timeout_sec=300.0), "the node offers no action"
+    publish_map([])
+    _, ends, fed_back = send(through, NavigateThroughPoses.Goal(poses=[pose(2.0, 2.0), pose(5.0, 2.0)]))
+    assert until(lambda: robot.v > 0.7), "it never drove"
+    robot.blind = True
+    said["stopped without tf"] = until(lambda: robot.v == 0.0, 5.0)
+    place = robot.x
+    said["stood"] = not until(lambda: robot.x != place, 1.0)
+    said["why"] = json.loads(heard["state"][-1].data)["why"]
+    publish_map([(40, 10, 42, 31)])
+    robot.blind = False
+    said["ended"] = until(ends.done)
+    said["status"], said["error_msg"] = ends.result().status, ends.result().result.error_msg
+    said["feedback"], said["poses remaining"] = len(fed_back), fed_back[-1].number_of_poses_remaining
+    said["paths"], said["passed"] = len(heard["path"]), robot.passed
+    said["options"] = json.loads(heard["options"][-1].data)["names"]
+
+    handle, ends, _ = send(to_pose, NavigateToPose.Goal(pose=pose(1.0, 1.0)))
+    assert until(lambda: abs(robot.v) + abs(robot.w) > 0.2), "it never drove back"
+    handle.cancel_goal_async()
+    said["canceled"] = until(ends.done) and ends.result().status
+    said["stands after cancel"] = until(lambda: robot.v == robot.w == 0.0, 5.0)
+    wrong = pose(1.0, 1.0)
+    wrong.header.frame_id = "odom"
+    _, ends, _ = send(to_pose, NavigateToPose.Goal(pose=wrong))
+    said["wrong frame"] = until(ends.done) and (ends.result().status, ends.result().result.error_msg)
+
+
+def plans() -> None:
+    """Plan from the pose that tf tells, then with a planner_id that there is not."""
+    assert plan.wait_for_server(timeout_sec=300.0), "the node offers no action"
+    until(lambda: False, 1.0)
+    for name in ("knee", "GridBased"):
+        _, ends, _ = send(plan, ComputePathToPose.Goal(goal=pose(5.0, 2.0), planner_id=name))
+        assert until(ends.done)
+        made = ends.result().result
+        ends_at = [(one.pose.position.x, one.pose.position.y) for one in (*made.path.poses[:1], *made.path.poses[-1:])]
+        said[name] = (ends.result().status, made.error_code, made.error_msg, ends_at)
+    said["options"] = until(lambda: heard["options"]) and json.loads(heard["options"][-1].data)["names"]
+
+
+{"drives": drives, "plans": plans}[sys.argv[1]]()
 json.dump(said, sys.stdout)
 rclpy.shutdown()

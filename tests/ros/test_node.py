@@ -1,47 +1,125 @@
-"""The example node for rclpy, which cannot run here: it parses, says so, and uses hpop as it is."""
+"""The nodes for rclpy: they parse and use hpop as it is; with the Python of ROS they also run."""
 
 from __future__ import annotations
 
 import ast
+import json
+import os
 import pkgutil
+import signal
+import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import fields
 from inspect import signature
 from pathlib import Path
+from typing import Any
+
+import pytest
+import shapely
 
 from hpop.ros import GoalPlanner, Interface, PlanarPose
 
-NODE = Path(__file__).resolve().parents[2] / "examples/ros2/hpop_planner.py"
-TREE = ast.parse(NODE.read_text())
-ROS = {"nav2_msgs", "rclpy", "rosidl_runtime_py", "std_msgs", "tf2_ros"}
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "examples/ros2"
+TREES = {path.name: ast.parse(path.read_text()) for path in FOLDER.glob("*.py")}
+ROS = {"nav2_msgs", "rclpy", "std_msgs", "tf2_msgs", "ros_fields"}
+NEEDED = "import rclpy, nav2_msgs.action, tf2_msgs.msg, hpop.planners.lattice"
+SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
+SCENARIO = """\
+world: {ros_map: {path: hall.yaml}}
+model: {differential_drive: {radius: 0.2}}
+start: [1.0, 2.0, 0]
+goal: [5.0, 2.0, any]
+criteria: [turns, length]
+planner: {lattice: {step: 0.5}}
+"""
+MAP = "image: hall.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
 
 
-def calls(name: str) -> list[ast.Call]:
-    """Return the calls of a function or a method of this name."""
-    found = [node for node in ast.walk(TREE) if isinstance(node, ast.Call)]
+def calls(node: str, name: str) -> list[ast.Call]:
+    """Return the calls of a function or a method of this name in a node."""
+    found = [each for each in ast.walk(TREES[node]) if isinstance(each, ast.Call)]
     return [one for one in found if getattr(one.func, "id", getattr(one.func, "attr", "")) == name]
 
 
-def test_it_says_that_it_is_untested() -> None:
-    assert "UNTESTED" in (ast.get_docstring(TREE) or "").splitlines()[0]
-
-
-def test_it_imports_what_hpop_has_and_what_ros_brings() -> None:
-    for node in ast.walk(TREE):
+@pytest.mark.parametrize("name", TREES)
+def test_it_imports_what_hpop_has_and_what_ros_brings(name: str) -> None:
+    for node in ast.walk(TREES[name]):
         if isinstance(node, ast.Import | ast.ImportFrom):
             modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else [one.name for one in node.names]
             for module in modules:
                 package = module.partition(".")[0]
                 assert package in ROS | {"hpop"} | set(sys.stdlib_module_names), module
-                for name in node.names if package == "hpop" else []:
-                    assert pkgutil.resolve_name(f"{module}.{name.name}") is not None
+                for each in node.names if package == "hpop" else []:
+                    assert pkgutil.resolve_name(f"{module}.{each.name}") is not None
 
 
-def test_it_calls_hpop_as_it_can_be_called() -> None:
-    (interface,), (answer,), (planning,) = calls("Interface"), calls("answer"), calls("GoalPlanner")
+def test_the_planner_calls_hpop_as_it_can_be_called() -> None:
+    (interface,), (answer,), (planning,) = (
+        calls("hpop_planner.py", of) for of in ("Interface", "answer", "GoalPlanner")
+    )
     assert {word.arg for word in interface.keywords} < {one.name for one in fields(Interface)}
     assert len(answer.args) == len(signature(GoalPlanner.answer).parameters) - 1
     assert len(planning.args) == len(signature(GoalPlanner).parameters)
-    assert all(len(call.args) == len(PlanarPose._fields) for call in calls("PlanarPose"))
-    read = {node.attr for node in ast.walk(TREE) if isinstance(node, ast.Attribute)}
-    assert {"values", "options", "known", "rehearsed", "options_topic"} <= read
+    assert all(len(call.args) == len(PlanarPose._fields) for call in calls("hpop_planner.py", "PlanarPose"))
+
+
+@contextmanager
+def node_of(name: str, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Run a node in the Python of ROS; yield this Python and its environment. Skip the test without one."""
+    python = os.environ.get("HPOP_ROS_PYTHON")
+    if not python:
+        pytest.skip("HPOP_ROS_PYTHON names no Python with rclpy, nav2_msgs, tf2_msgs and what hpop needs")
+    own = {"PYTHONPATH": str(ROOT), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "87"}
+    environment = os.environ | own
+    there = subprocess.run([python, "-c", NEEDED], env=environment, capture_output=True, text=True, check=False)
+    if there.returncode:
+        pytest.skip(f"HPOP_ROS_PYTHON lacks something: {there.stderr.splitlines()[-1]}")
+    (folder / "hall.pgm").write_bytes(b"P5 60 40 255\n" + bytes([254]) * 2400)
+    (folder / "hall.yaml").write_text(MAP)
+    (folder / "scenario.yaml").write_text(SCENARIO)
+    command = [python, str(FOLDER / name), "--ros-args", "-p", f"scenario:={folder / 'scenario.yaml'}"]
+    with (folder / "log").open("w") as log, subprocess.Popen(command, env=environment, stdout=log, stderr=log) as node:
+        try:
+            yield python, environment
+        finally:
+            node.send_signal(signal.SIGINT)
+            try:
+                assert node.wait(30) == 0  # it ends by Ctrl-C
+            finally:
+                node.kill()
+
+
+def said(name: str, what: str, folder: Path) -> Any:
+    """Return what a simulated robot in rclpy says about a node."""
+    with node_of(name, folder) as (python, environment):
+        command = [python, str(Path(__file__).with_name("rclpy_robot.py")), what]
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert not done.returncode, done.stderr + (folder / "log").read_text()
+    return json.loads(done.stdout)
+
+
+@pytest.mark.proof
+def test_the_follower_drives_a_robot_in_rclpy(tmp_path: Path) -> None:
+    """It stops without tf, drives round an obstacle of a new map, through two poses, and obeys a cancellation."""
+    found = said("hpop_follower.py", "drives", tmp_path)
+    assert (found["stopped without tf"], found["stood"]) == (True, True)
+    assert found["why"].startswith("the pose of the robot is ")
+    assert (found["ended"], found["status"], found["error_msg"]) == (True, SUCCEEDED, "")
+    assert found["feedback"] > 10
+    assert (found["poses remaining"], found["paths"], found["options"]) == (1, 2, ["turns", "length"])
+    assert shapely.LineString(found["passed"]).distance(shapely.box(4.0, 1.0, 4.2, 3.1)) >= 0.2
+    assert (found["canceled"], found["stands after cancel"]) == (CANCELED, True)
+    assert found["wrong frame"] == [ABORTED, "poses of a goal must be in the frame map, got 'odom'"]
+
+
+@pytest.mark.proof
+def test_the_planner_plans_in_rclpy(tmp_path: Path) -> None:
+    found = said("hpop_planner.py", "plans", tmp_path)
+    assert found["knee"] == [SUCCEEDED, 0, "", [[1.0, 2.0], [5.0, 2.0]]]
+    status, code, words, path = found["GridBased"]
+    assert (status, code, path) == (ABORTED, 201, [])
+    assert "planner_id must be one of knee" in words
+    assert found["options"] == ["turns", "length"]
