@@ -39,6 +39,7 @@ hpop.errors.MapError
 hpop.errors.ModelError
 hpop.errors.OptionError
 hpop.errors.QueryError
+hpop.errors.RosError
 hpop.errors.UnsupportedCriterion
 hpop.examples.copied
 hpop.examples.museum
