@@ -79,15 +79,16 @@ class DriveGraph:
         objectives: Objectives,
         closings: Sequence[Closing] = (),
         like: TrajectoryGraph | None = None,
+        beside: bool = False,
     ) -> DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
         The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. If the graph
         ``like`` is given, stops of a tour have the states that they have in it, and the robot may come to the start at
-        any of several speeds. Raises QueryError if the start, the goal or a stop cannot be joined to the graph.
+        any of several speeds. A start ``beside`` the graph is always joined. Raises QueryError if an end cannot be.
         """
         began = time.perf_counter()
-        ends = with_ends(inner, problem, inner.reach(problem))
+        ends = with_ends(inner, problem, inner.reach(problem), beside=beside)
         ends = ends._replace(space=with_stop_states(ends.space, problem, like))
         space, start, goals = with_speeds(ends, inner.model, objectives.optimised, moving=like is not None)
         costed = space if inner.world is problem.world else space.costed_in(problem.world)
@@ -96,14 +97,15 @@ class DriveGraph:
         masks = [closed_arcs(inner, closing, *states_by_place(inner)) for closing in closings]
         return cls(name, query, problem.world, tuple(closings), tuple(masks))
 
-    def from_beside(self, problem: Problem, state: States | None = None) -> DriveGraph:
-        """Return this graph with a new start: the start of a problem, a state off the graph, joined to it by motions.
+    def from_beside(self, problem: Problem, state: States | None = None, *, always: bool = False) -> DriveGraph:
+        """Return this graph with a new start: that of a problem, a state off the graph, joined to it by motions.
 
         Criteria and closed areas stay. The problem must have the goal of the drive. Among moving people, the robot
-        comes there at the speed of ``state`` (1,).
+        comes there at the speed of ``state`` (1,). ``always`` joins any start, to farther states too.
         """
         inner = self.inner if state is None else self.inner.arriving_at(float(speed_of(state)[0]))
-        joined = DriveGraph.laid_out(self.name, inner, problem, self.query.objectives, like=self.query.space.one_layer)
+        like = self.query.space.one_layer
+        joined = DriveGraph.laid_out(self.name, inner, problem, self.query.objectives, like=like, beside=always)
         return replace(joined, closings=self.closings, masks=self.masks, reading=self.reading)
 
     @property
@@ -149,10 +151,7 @@ class DriveGraph:
     # Changes
 
     def changed(self, world: World, closings: Sequence[Closing], *, people: bool) -> DriveGraph:
-        """Return the graph for a changed world and changed closed areas; ``people`` is True if people have changed.
-
-        Only criteria that depend on the change are evaluated again, and masks of known areas are reused.
-        """
+        """Return the graph for a changed world and changed closed areas; ``people`` is True if people have changed."""
         masks, reading = [], set(self.reading)
         criteria = self.query.objectives.optimised
         for closing in closings:

@@ -10,6 +10,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Future
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -22,7 +23,7 @@ from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.timed_drive_graph import LatestOnlyWorker, ScheduledPath, TimedDriveGraph
 from hpop.drive.tour import TourGraphs
-from hpop.errors import DriveError
+from hpop.errors import DriveError, QueryError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.run_speeds import run_speed_graph
 from hpop.planners.graphs.state_graph import StateGraph
@@ -156,7 +157,6 @@ class Replanner:
     def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
         """Return the known plans' parts after the commit that are open and clear of people, checked for ``seconds`` s.
 
-        The commit is the next place where the plan may change.
         Checking lasts at least `RECHECK` s of processor time. Plans that were not checked in time are left out.
         """
         until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
@@ -183,7 +183,7 @@ class Replanner:
     def begin(self, now: DriveSurroundings, commit: Commit) -> None:
         """Begin to build, in another thread, the graph on a clock for queries that start at a commit.
 
-        The commit is the next place where the plan may change. Do nothing if the graph is built or being built.
+        Do nothing if the graph is built or being built.
         """
         is_pending = self._pending is not None and self._pending.surroundings is now
         if not is_pending and self._serving(now, commit) is None:
@@ -192,10 +192,7 @@ class Replanner:
     def timed_graph(
         self, now: DriveSurroundings, commit: Commit, seconds: float | None = None
     ) -> TimedDriveGraph | None:
-        """Return the graph on a clock for queries that start at a commit; None if not built within ``seconds``.
-
-        The commit is the next place where the plan may change.
-        """
+        """Return the graph on a clock for queries that start at a commit; None if not built within ``seconds``."""
         until = None if seconds is None else time.perf_counter() + seconds
         while (serving := self._serving(now, commit)) is None:
             self.begin(now, commit)
@@ -227,7 +224,6 @@ class Replanner:
     def _serving(self, now: DriveSurroundings, commit: Commit) -> TimedDriveGraph | None:
         """Return a graph on a clock, already built, for queries that start at a commit; None if there is none.
 
-        The commit is the next place where the plan may change.
         This may be a graph with people who stop before the robot, built because no other path leads on.
         """
         untimed = self._untimed
@@ -250,24 +246,24 @@ class Replanner:
         return now.with_people_who_stop(commit.places.states, commit.places.times)
 
     def ready(self, now: DriveSurroundings, commit: Commit) -> None:
-        """Wait until the graph on a clock for queries that start at a commit is built, however long this takes.
-
-        The commit is the next place where the plan may change.
-        """
+        """Wait until the graph on a clock for queries that start at a commit is built, however long this takes."""
         built = self.timed_graph(now, commit)
         assert built is not None
         if built.instead_of is not now:
             self._timed = self._passable(now, commit, built)
 
-    def _built(self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False) -> TimedDriveGraph:
+    def _built(
+        self, now: DriveSurroundings, commit: Commit, *, is_far: bool = False, beside: bool = False
+    ) -> TimedDriveGraph:
         """Build the graph on a clock for queries that start at a commit (where the plan may change next).
 
-        With ``is_far`` it is only for later queries, when no person is near the robot any more.
+        With ``is_far`` it is only for later queries, when no person is near the robot any more. With ``beside`` the
+        commit is joined to the graph even if it is one of its nodes.
         """
         base = untimed = self._without_time(now)
         node = int(untimed.nodes(commit.state)[0])
-        if node < 0:
-            untimed = untimed.from_beside(now.at(commit.state, commit.time), commit.state)
+        if node < 0 or beside:
+            untimed = untimed.from_beside(now.at(commit.state, commit.time), commit.state, always=beside)
             node = untimed.beginning(commit.state)
         options = self.planner.time_options
         if options.arrive_by is not None:  # counted from when the robot left
@@ -277,18 +273,17 @@ class Replanner:
             untimed, base, node, commit, now, self.objectives, options, self._timed, is_far=is_far
         )
         _ = built.prepared  # ahead of the next query
-        return built if is_far else self._passable(now, commit, built)
+        return built if is_far or beside else self._passable(now, commit, built)
 
     def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
-        """Return the graph; if no path leads on from the commit, build one among people who stop before the robot.
-
-        The commit is the next place where the plan may change.
-        """
-        if (
-            built.prepared.paths(built.begins(commit), built.tick(commit.time), deadline=RECHECK).status
-            is not Status.NO_PATH
-        ):
+        """Return the graph; if no path leads on from the commit, build one joined to it, or among people who stop."""
+        if not built.is_shut(commit, RECHECK):
             return built
+        if now.touched(commit.state, commit.time):
+            with suppress(QueryError):  # no motion leads from there to the graph
+                beside = self._built(now, commit, beside=True)
+                if not beside.is_shut(commit, RECHECK):
+                    return beside
         stopping = now.with_people_who_stop(commit.places.states, commit.places.times)
         if stopping is None:
             return built
@@ -350,6 +345,12 @@ class Replanner:
             paths = graph.remaining_paths(prepared, node, known, present_arcs, deadline)
         else:
             paths = graph.restored(node, answer)
+        if paths.status is Status.NO_PATH and self._tours is None and now.touched(commit.state, commit.time):
+            with suppress(QueryError):  # no motion leads from there to the graph
+                other = self.graph(now).from_beside(problem, always=True)
+                start = other.beginning(commit.state)
+                again = other.remaining_paths(other.prepared(), start, [], None, deadline)
+                graph, node, paths = (graph, node, paths) if again.status is Status.NO_PATH else (other, start, again)
         if self._tours is not None:
             self._tours.keep(graph, paths.places)
         elif graph is self._graph:

@@ -90,6 +90,11 @@ class DriveSurroundings:
         """Return the problem with a state (1,), at a time of the drive, s, as its start."""
         return self.problem.at(self.problem.model.space.values(state), max(0.0, now - self.since))
 
+    def touched(self, state: States, now: float) -> bool:
+        """Return whether any person is within the clearance that a robot in a state (1,) needs, at a time, s."""
+        near, x, y = clearance_radius(self.problem.model, self.margin), float(state.x[0]), float(state.y[0])
+        return any(math.hypot(p.x - x, p.y - y) < near + p.radius for p in self._people_at(now))
+
     # Changes
 
     def changed(self, now: float, what: str, value: Any, name: str, groups: Any) -> DriveSurroundings:

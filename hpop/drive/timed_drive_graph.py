@@ -178,6 +178,12 @@ class TimedDriveGraph:
             return node
         return self.tour.tour.tour.layers.index(commit.tour.layers[0]) * self.timed.graph.graph.nodes + node
 
+    def is_shut(self, commit: Commit, deadline: float) -> bool:
+        """Return whether a search shows within a deadline, s, that no path leads on from a commit."""
+        return (
+            self.prepared.paths(self.begins(commit), self.tick(commit.time), deadline=deadline).status is Status.NO_PATH
+        )
+
     def refuses(self, now: DriveSurroundings, commit: Commit, untimed: DriveGraph) -> bool:
         """Return whether an earlier query showed that no path leads on from the commit, as people walk towards it.
 

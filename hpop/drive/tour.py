@@ -166,9 +166,9 @@ class TourDriveGraph(DriveGraph):
         query = replace(base.query, space=space, graph=space.layered(base.graph, criteria), goals=space.targets)
         return cls(base.name, query, base.world, base.closings, base=base, space=space)
 
-    def from_beside(self, problem: Problem, state: States | None = None) -> TourDriveGraph:
+    def from_beside(self, problem: Problem, state: States | None = None, *, always: bool = False) -> TourDriveGraph:
         """Return this graph with a new start; see :meth:`hpop.drive.drive_graph.DriveGraph.from_beside`."""
-        return TourDriveGraph.over(self.base.from_beside(problem, state), self.space.tour)
+        return TourDriveGraph.over(self.base.from_beside(problem, state, always=always), self.space.tour)
 
     @property
     def inner(self) -> StateGraph:

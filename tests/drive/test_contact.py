@@ -75,6 +75,54 @@ def test_a_slow_walker_against_the_robot_leaves_it_options(apart: float) -> None
     assert gap.min() >= min(0.0, gap[0]) - 1e-3
 
 
+def about(seed: int) -> list[Person]:
+    """Return one or two people about the robot at (3, 2), up to 12 cm in contact with it; they stand or walk."""
+    rng, people = np.random.default_rng(seed), []
+    for i in range(rng.integers(1, 3)):
+        angle, apart = rng.uniform(-np.pi, np.pi), 0.55 + rng.uniform(-0.12, 0.05)
+        speed, heading = rng.choice([0, 0.3, 0.8]), rng.uniform(-np.pi, np.pi)
+        place, velocity = (length * np.exp(1j * along) for length, along in ((apart, angle), (speed, heading)))
+        walks = {"velocity": (velocity.real, velocity.imag), "until": 4.0} if speed else {}
+        people.append(Person(3.0 + place.real, 2.0 + place.imag, name=f"person {i}", **walks))
+    return people
+
+
+def check_options_part(people: list[Person]) -> None:
+    """Check that there are options, along which the robot's own motion never reduces a gap in contact."""
+    following = drive()
+    following.at(2.0)
+    following.world(2.0, people=people)
+    following.ready(2.0)
+    options = final(following, 2.0)
+    assert len(options)
+    following.take(options.knee())
+    times = np.arange(options.commit.time, following.plan.duration, 0.01)
+    s = following.plan.at(times)
+    for person in following.surroundings.people:
+        x, y = (np.broadcast_to(column, times.shape) for column in person.at(times - 2.0))
+        there = np.broadcast_to(person.there(times - 2.0), times.shape)[:-1] > 0
+        gap = np.hypot(s.x - x, s.y - y)[:-1] - 0.3 - person.radius
+        then = np.hypot(s.x[1:] - x[:-1], s.y[1:] - y[:-1]) - 0.3 - person.radius
+        nearer = there & (then < -1e-3) & (then < gap - 1e-4)
+        assert not nearer.any()
+
+
+BETWEEN = [Person(3.05, 1.57, name="Ann"), Person(2.77, 2.54, name="Bob")]  # a lattice has no free heading between them
+PASSING = [Person(3.45, 2.15, velocity=(0.4, -0.69), until=4.0, name="Ann")]
+
+
+@pytest.mark.cases("between two")
+@pytest.mark.parametrize("people", [BETWEEN, PASSING], ids=["between two", "one passes"])
+def test_a_robot_that_is_touched_leaves_at_any_angle_and_by_those_who_have_just_passed(people: list[Person]) -> None:
+    check_options_part(people)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(160))
+def test_a_drive_is_never_without_options_because_people_touch_the_robot(seed: int) -> None:
+    check_options_part(about(seed))
+
+
 def test_one_walker_within_a_pillar_does_not_hide_the_others() -> None:
     following = drive()
     walks = Person(9, 2, velocity=(-0.9, 0), until=4.0, name="a")

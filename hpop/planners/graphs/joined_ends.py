@@ -57,7 +57,7 @@ class Ends(NamedTuple):
         return self.space.inside([self.start]), self.space.inside(self.goals)
 
 
-def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
+def with_ends(graph: StateGraph, problem: Problem, reach: float, *, beside: bool = False) -> Ends:
     """Return the graph with nodes for the problem's start and goals.
 
     An end that equals a free state of the graph uses its node. Any other end becomes a new node, connected to states
@@ -66,24 +66,26 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float) -> Ends:
     Parameters
     ----------
     reach : m, largest distance of states to which a new node is connected
+    beside : the start becomes a new node even if it equals a state of the graph, and is connected up to twice as far
     """
     space, goals = problem.model.space, problem.goals
+    reach = 2.0 * reach if beside else reach
     ends = {START: space.state(problem.start)}
     ends |= {
         f"{GOAL} {place}" if len(goals) > 1 else GOAL: space.state(goal, free=space.angles)
         for place, goal in enumerate(goals)
     }
-    states = {what: states_at(graph, end) for what, end in ends.items()}
+    states = {what: [] if beside and what == START else states_at(graph, end) for what, end in ends.items()}
 
     def straight(end: States) -> bool:
         """Return whether a straight move may lead to a goal: it is near a start off the graph and takes any heading."""
         return bool(not states[START] and np.isnan(end.yaw[0]) and _distance(ends[START], end)[0] <= reach)
 
-    beside = {what: end for what, end in ends.items() if not states[what] or straight(end)}
-    if not beside:
+    new = {what: end for what, end in ends.items() if not states[what] or straight(end)}
+    if not new:
         joined: TrajectoryGraph = graph
     else:
-        joined = JoinedEnds(graph.model, graph.world, graph, beside, reach, spending=graph.spending)
+        joined = JoinedEnds(graph.model, graph.world, graph, new, reach, spending=graph.spending)
         states |= joined.checked(list(ends)[1:])
     return Ends(joined, states[START][0], list(dict.fromkeys(id_ for what in list(ends)[1:] for id_ in states[what])))
 

@@ -143,8 +143,12 @@ class Safety:
         return tuple(dict.fromkeys(person for start in self.starts for person in self.near(start)))
 
     def near(self, start: Start) -> list[Person]:
-        """Return the possible futures of people who may be too near to a start at its time, or within a second."""
-        return [person for person, _ in self.coming(start, SOON)]
+        """Return the possible futures of people who may be too near to a start at its time, or within a second.
+
+        A plan that begins later than time 0 may be early there, so people count who were too near shortly before.
+        """
+        early = start._replace(time=max(0.0, start.time - SLACK))
+        return [person for person, _ in self.coming(early, start.time - early.time + SOON)]
 
     def coming(self, start: Start, within: float = LEAVING) -> Iterator[tuple[Person, float]]:
         """Yield the possible futures of people who may come too near to a start, up to ``within`` s after its time.
