@@ -4,7 +4,9 @@ import type { Card, Option } from "./messages";
 
 export const GOAL = "#ffd23f";
 export const WHY = "#ff6f59";
-export const CHOSEN = "#ffffff";
+/** The way that is driven, and the one that the sliders picked, where they are on no card. */
+export const DRIVEN = "#ffffff";
+export const PICKED = "#c792ff";
 
 /** A way to draw. */
 export interface Drawn {

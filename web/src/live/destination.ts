@@ -28,6 +28,7 @@ export class Destination {
   stops: Stop[] = [];
   /** Where the robot goes, or would go. */
   place: Place | null = null;
+  private waits = false;
   private readonly modes: HTMLInputElement[] = [];
   private readonly hint = element("p", "quiet");
   private readonly answer = element("p", "answer");
@@ -52,9 +53,11 @@ export class Destination {
       this.show();
     }));
     const row = element("div", "row");
-    this.landmarks.setAttribute("aria-label", "Landmarks of the map");
+    const label = element("label", "", "Or a landmark:");
+    this.landmarks.id = "landmarks";
+    label.htmlFor = this.landmarks.id;
     this.landmarks.append(...[...names.keys()].map((name) => element("option", "", name)));
-    row.append(this.landmarks, button("Choose", "Choose this landmark as the destination or a stop", () => {
+    row.append(label, this.landmarks, button("Choose", "Choose this landmark as the destination or a stop", () => {
       if (this.landmarks.value !== "") this.choose({ landmark: this.landmarks.value });
     }));
     row.hidden = names.size === 0;
@@ -74,6 +77,7 @@ export class Destination {
     } else {
       this.stops = [];
       this.answer.textContent = "Looking for ways …";
+      this.waits = true;
       this.user.send({ type: "destination", ...stop });
       this.show();
     }
@@ -104,7 +108,15 @@ export class Destination {
 
   /** The server does not do what was asked. */
   refused(): void {
+    this.waits = false;
     if (this.answer.textContent.endsWith("…")) this.answer.textContent = "";
+  }
+
+  /** Ways have come; returns whether they are the first to a new destination. */
+  found(): boolean {
+    const { waits } = this;
+    this.waits = false;
+    return waits;
   }
 
   focus(): void {
@@ -121,6 +133,7 @@ export class Destination {
   private planTour(): void {
     if (this.stops.length === 0) return;
     this.answer.textContent = "Looking for ways through all stops …";
+    this.waits = true;
     this.user.send({ type: "destination", stops: this.stops });
     this.setMode("go");
   }

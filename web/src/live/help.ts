@@ -15,7 +15,7 @@ const KEYS: readonly (readonly [string, string])[] = [
   ["drag, double click", "look around; look ahead again"],
   ["Enter, in the view", "choose the place in the middle of the view"],
   ["M, arrows, Enter", "go to the map; move the cross; choose its place"],
-  ["L", "go to the landmarks"],
+  ["B, L", "a larger map; go to the landmarks"],
   ["G, T, Q", "a click means: go there; add a stop; why not here?"],
   ["V", "enter the headset; Esc leaves it at once"],
 ];

@@ -7,6 +7,7 @@ export interface KeyUser {
   look(left: number, up: number): void;
   ahead(): void;
   toMap(): void;
+  enlarge(): void;
   toLandmarks(): void;
   headset(): void;
   help(): void;
@@ -34,6 +35,7 @@ export function pressed(event: KeyboardEvent, user: KeyUser, drives: boolean, vi
     d: () => { user.look(-1, 0); },
     r: () => { user.ahead(); },
     m: () => { user.toMap(); },
+    b: () => { user.enlarge(); },
     v: () => { user.headset(); },
     "?": () => { user.help(); },
   };

@@ -34,7 +34,7 @@ export class Minimap {
     private readonly moved: (place: Point) => void,
   ) {
     const corners = scene.scene.floor.flat(2);
-    this.above = new Above(canvas, scene.scene, corners.map(([x]) => x), corners.map(([, y]) => y), (pen) => { this.names(pen); });
+    this.above = new Above(canvas, scene.scene, corners.map(([x]) => x), corners.map(([, y]) => y));
     canvas.addEventListener("mousedown", (event) => { event.preventDefault(); }); // arrow keys go on steering
     canvas.addEventListener("click", (event) => {
       const box = canvas.getBoundingClientRect();
@@ -62,6 +62,7 @@ export class Minimap {
     shown.ways.forEach((way, i) => {
       if (way.mark !== "" && way.line.length > 1) this.above.badge(pen, along(way.line, 3 + 0.7 * i), way.mark, way.colour, "#111");
     });
+    this.names(pen);
     for (const [px, py, yaw] of shown.people) this.above.person(pen, [px, py], yaw, RADIUS);
     shown.goals.forEach((place, i) => {
       if (shown.goals.length > 1) this.above.badge(pen, place, String.fromCharCode(65 + i), GOAL, "#111");

@@ -4,7 +4,7 @@ import { Headset } from "../ride/headset";
 import type { Point, Vector } from "../ride/model";
 import { element } from "../shared/dom";
 import { Announcer } from "./announce";
-import { CHOSEN, type Drawn, drawnCard, WHY } from "./colours";
+import { type Drawn, drawnCard, DRIVEN, PICKED, WHY } from "./colours";
 import { Destination } from "./destination";
 import { helpDialog } from "./help";
 import { type KeyUser, pressed } from "./keyboard";
@@ -73,6 +73,9 @@ export class Page {
       this.asked = null;
       this.send(message);
       this.draw();
+    }, () => {
+      this.asked = null;
+      this.draw();
     });
     const set = (name: string, value: boolean): void => { this.send({ type: "setting", name, value }); };
     this.announcer = new Announcer(scene.settings, this.drives, set);
@@ -119,6 +122,7 @@ export class Page {
         break;
       case "options":
         this.ways.show(optionsOf(message));
+        if (this.destination.found()) this.ways.reveal();
         break;
       case "taken":
         if (typeof message["option"] === "number") this.ways.showDriven(message["option"]);
@@ -131,6 +135,7 @@ export class Page {
         break;
       case "why":
         this.regions.answered(whyOf(message));
+        this.destination.found();
         this.plate.write(words(message["sentence"]));
         break;
       case "setting":
@@ -196,6 +201,7 @@ export class Page {
   private choose([x, y]: Point): void {
     if (!this.drives) return;
     this.asked = this.destination.mode === "why" ? [x, y] : null;
+    this.regions.clear();
     this.destination.choose({ x: rounded(x), y: rounded(y) });
     this.draw();
   }
@@ -246,11 +252,11 @@ export class Page {
   private get drawn(): Drawn[] {
     const { options, pick, looked } = this.ways;
     const driven = options.all.find((option) => this.ways.isDriven(option)) ?? null;
-    const strong = pick ?? looked ?? driven;
+    const strong = looked ?? pick ?? driven;
     const drawn = options.cards.map((card, i) => drawnCard(card, i, card.option === strong?.option));
-    for (const one of new Set([driven, pick])) {
+    for (const [one, colour] of [[driven, DRIVEN], [pick, PICKED]] as const) {
       if (one === null || options.cards.some(({ option }) => option === one.option)) continue;
-      drawn.push({ line: one.line, colour: CHOSEN, dashes: [], mark: "", strong: one === strong });
+      drawn.push({ line: one.line, colour, dashes: [], mark: "", strong: one === strong });
     }
     const { why } = this.regions;
     if (why !== null) drawn.push({ line: why.line, colour: WHY, dashes: [3, 4], mark: "?", strong: false });
@@ -306,7 +312,7 @@ export class Page {
     const settings = element("section");
     settings.append(this.announcer.settings, this.announcer.spoken);
     const driving = this.drives ? [this.destination.root] : [];
-    const over = this.drives ? [this.announcer.overlay, this.steering.root] : [this.announcer.overlay];
+    const over = [this.announcer.overlay, this.regions.overlay, ...(this.drives ? [this.steering.root] : [])];
     this.shell.fill(over, [...driving, this.ways.cardsRoot, this.ways.slidersRoot, this.regions.root, settings], this.dialog);
     this.say(this.drives ? "Choose where to go: click on the map, or on the floor." : "You are watching: another viewer drives.");
     void this.headset.isThere().then((is) => { this.shell.offerHeadset(is); });
@@ -319,6 +325,7 @@ export class Page {
       look: (left, up) => { this.view.turn(left, up); },
       ahead: () => { this.view.looking.recentre(); },
       toMap: () => { this.shell.map.focus(); },
+      enlarge: () => { this.shell.enlarge(); },
       toLandmarks: () => { this.destination.focus(); },
       headset: () => { void this.headset.enter(); },
       help: () => { this.dialog.showModal(); },

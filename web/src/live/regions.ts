@@ -7,7 +7,9 @@ export class Regions {
   /** Names of the regions that are closed. */
   private readonly closed: Set<string>;
   why: Why | null = null;
-  private readonly answer = element("p", "answer");
+  /** The answer, which lies over the view. */
+  readonly overlay = element("div");
+  private readonly answer = element("p");
   private readonly select = element("select");
   private readonly door: HTMLButtonElement;
 
@@ -16,11 +18,20 @@ export class Regions {
     closed: readonly string[],
     private readonly may: boolean,
     send: (message: Message) => void,
+    cleared: () => void,
   ) {
     this.root.id = "regions";
     this.closed = new Set(closed);
     this.answer.setAttribute("role", "status");
     this.answer.id = "why";
+    this.overlay.id = "because";
+    this.overlay.hidden = true;
+    const done = button("×", "Hide the answer", () => {
+      this.clear();
+      cleared();
+    });
+    done.setAttribute("aria-label", "Hide the answer");
+    this.overlay.append(this.answer, done);
     this.select.setAttribute("aria-label", "Places of the map");
     const places = regions.flatMap(({ name, solid }) => (solid ? (/wall/iu.test(name) ? [] : [`left of ${name}`, `right of ${name}`]) : [name]));
     this.select.append(...[...new Set(places)].map((name) => element("option", "", name)));
@@ -39,7 +50,7 @@ export class Regions {
     }), this.door);
     row.hidden = places.length === 0;
     const help = "Choose “Why not here?” above and click on the map; or ask about a place by its name.";
-    this.root.append(element("h2", "", "Why this way?"), ...(may ? [element("p", "quiet", help), row] : []), this.answer);
+    this.root.append(element("h2", "", "Why this way?"), ...(may ? [element("p", "quiet", help), row] : []));
     this.showDoor();
   }
 
@@ -51,11 +62,13 @@ export class Regions {
   answered(why: Why): void {
     this.why = why.line.length > 1 ? why : null;
     this.answer.textContent = `${why.sentence}${why.exact ? "" : " (As far as was searched: a better way may exist.)"}`;
+    this.overlay.hidden = false;
   }
 
   clear(): void {
     this.why = null;
     this.answer.textContent = "";
+    this.overlay.hidden = true;
   }
 
   private showDoor(): void {

@@ -78,9 +78,21 @@ export class Shell {
     below.setAttribute("role", "group");
     below.setAttribute("aria-label", "Destination, ways and notes");
     below.append(...panels, log);
-    this.side.append(this.map, below);
+    const chart = element("div");
+    chart.id = "chart";
+    const larger = button("Larger map", "A larger map and a smaller view, or back (B)", () => { this.enlarge(); });
+    larger.id = "larger";
+    chart.append(this.map, larger);
+    this.side.append(chart, below);
     this.root.append(dialog);
     document.body.append(this.root);
+  }
+
+  /** Makes the map large and the view small, or back. */
+  enlarge(): void {
+    const large = this.root.classList.toggle("charted");
+    this.map.scrollIntoView({ block: "nearest" });
+    this.root.querySelector("#larger")!.textContent = large ? "Smaller map" : "Larger map";
   }
 
   offerHeadset(is: boolean): void {

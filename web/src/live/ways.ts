@@ -64,7 +64,7 @@ export class Ways {
     this.slidersRoot.id = "sliders";
     this.slidersRoot.append(
       element("h2", "", "Pick among all ways"),
-      element("p", "quiet", "Move a slider to the left for less; the white line is the way that fits best."),
+      element("p", "quiet", "Move a slider to the left for less; the way that it picks is drawn wide."),
       this.rows,
       this.takePick,
     );
@@ -77,12 +77,6 @@ export class Ways {
     this.pick = null;
     this.looked = null;
     const { cards, all } = options;
-    const count = all.length === 1 ? "One way." : `${all.length} ways.`;
-    const white = options.present !== null && !cards.some(({ option }) => option === options.present);
-    const changes = `You may change at any time${white ? "; the white line is driven now" : ""}.`;
-    const advice = options.present === null ? "Choose one: click, or press its number." : changes;
-    const told = all.length === 0 ? "No way is free at the moment." : `${count} ${this.may ? advice : ""}`.trim();
-    if (this.count.textContent !== told) this.count.textContent = told;
     this.count.title = options.certificate;
     while (this.cards.length < cards.length) this.addCard(this.cards.length);
     this.cards.forEach((made, i) => {
@@ -103,7 +97,13 @@ export class Ways {
   /** The robot drives a way, or none. */
   showDriven(option: number | null): void {
     this.driven = option;
-    this.wishes.hidden = !this.may || option === null || this.options.all.length < 2;
+    const { all, cards } = this.options;
+    const count = all.length === 1 ? "One way." : `${all.length} ways.`;
+    const white = option !== null && !cards.some((card) => card.option === option) ? "; the white line is driven now" : "";
+    const advice = option === null ? "Choose one: click, or press its number." : `You may change at any time${white}.`;
+    const told = all.length === 0 ? "No way is free at the moment." : `${count} ${this.may ? advice : ""}`.trim();
+    if (this.count.textContent !== told) this.count.textContent = told;
+    this.wishes.hidden = !this.may || option === null || all.length < 2;
     this.cards.forEach((made, i) => { made.setAttribute("aria-pressed", String(option !== null && this.options.cards[i]?.option === option)); });
     this.showPick();
   }
@@ -115,6 +115,11 @@ export class Ways {
   clear(words: string): void {
     this.show({ cards: [], all: [], present: null, certificate: "" });
     this.count.textContent = words;
+  }
+
+  /** Brings the cards into view, on a small screen. */
+  reveal(): void {
+    this.cardsRoot.scrollIntoView({ block: "nearest" });
   }
 
   takeCard(i: number): boolean {

@@ -84,9 +84,12 @@ export class Above {
     pen.strokeStyle = "#1b1e21";
     pen.lineWidth = width + 1.8;
     pen.stroke();
-    pen.setLineDash([...dashes]);
     pen.strokeStyle = colour;
     pen.lineWidth = width;
+    pen.globalAlpha = 0.45; // between dashes too, the line has its colour
+    pen.stroke();
+    pen.globalAlpha = 1;
+    pen.setLineDash([...dashes]);
     pen.stroke();
     pen.setLineDash([]);
   }
