@@ -250,6 +250,9 @@ class Faults:
         made: Any = self.built(goals, given, place)
         if model is not None and made is not None and (absent := sorted(made.requires - model.provides)):
             self.add(inside, f"this goal requires {', '.join(absent)}, which the model does not have", QueryError)
+        elif model is not None and made is not None:
+            with self.collected(inside):
+                made.reached(model, model.space.sample(0, 1))  # a goal that no state can reach says so
         return made
 
     def tour(self, given: Any, place: Place, model: Model | None) -> Tour | None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import yaml
 
 import hpop
 from hpop.errors import QueryError
 from hpop.goals import JointsAt, LookAt
 from hpop.motions import States
 from hpop.problems.verify import verify
+from hpop.scenario import load_scenario
 from hpop.world import Box, Solid, World, pose_at
-from tests.models.serial_arm.arms import arm6, crane
+from tests.models.serial_arm.arms import HERE, arm6, crane
 
 CAN = (0.7, 0.25, 0.43)
 BOARD = ((0.65, 0.0, 0.36), (0.3, 1.0, 0.02))
@@ -117,3 +119,15 @@ def test_joints_within_tolerances_are_reached_and_no_others(tmp_path):
 def test_joints_that_cannot_be_are_refused(values, tolerance, said):
     with pytest.raises(QueryError, match=said):
         problem(JointsAt(values, tolerance))
+
+
+def test_a_scenario_names_the_line_of_a_joint_that_does_not_exist(tmp_path):
+    scenario = yaml.safe_load((HERE.parent / "arm_shelf.yaml").read_text())
+    scenario["model"]["serial_arm"] |= {"urdf": str(HERE / "arm6.urdf"), "srdf": str(HERE / "arm6.srdf")}
+    scenario["goal"] = [{"joints_at": {"values": {"base_to_shoulder": 0.3}}}, {"joints_at": {"values": {"elbow": 0.3}}}]
+    text = yaml.safe_dump(scenario)
+    (tmp_path / "arm.yaml").write_text(text)
+    line = next(i for i, each in enumerate(text.splitlines(), 1) if "elbow: 0.3" in each)
+    with pytest.raises(QueryError, match=r"goal\.1\.joints_at: values must name joints .*, got 'elbow'") as refused:
+        load_scenario(tmp_path / "arm.yaml")
+    assert abs(int(str(refused.value).split(", line ")[1].split(",")[0]) - line) <= 2
