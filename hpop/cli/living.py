@@ -78,9 +78,15 @@ def live(
 
 
 def server_of(
-    scenario: Path, out: Path, imports: Sequence[str] = (), simulator: dict[str, Any] | None = None, **options: Any
+    scenario: Path,
+    out: Path,
+    imports: Sequence[str] = (),
+    simulator: dict[str, Any] | None = None,
+    *,
+    name: str = "",
+    **options: Any,
 ) -> LiveServer:
-    """Return the server of a live session, whose record is a new file in the folder ``out``."""
+    """Return the server of a live session, whose record is a new file in ``out``, called ``name`` or after the time."""
     from hpop.live.process import PlannerProcess
     from hpop.live.record import Record
     from hpop.live.scene import scene_of
@@ -92,7 +98,7 @@ def server_of(
     cli.user_code.register(imports)
     problem, simulated = load_scenario(scenario).problem, SimulatorOptions(**(simulator or {}))
     scene = scene_of(problem, scenario.stem)
-    name = time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
+    name = name or time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
     record = Record(out / name, {"scenario": str(scenario), "simulator": vars(simulated), "scene": scene})
     session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), simulated)
     return LiveServer(session, **options)

@@ -17,7 +17,7 @@ from hpop.base.files import read_regular
 from hpop.base.text import argument, counted
 from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, report, score
-from hpop.cli.terminal import Commands, echo, listed, user_errors
+from hpop.cli.terminal import Commands, echo, imports_option, listed, user_errors
 from hpop.errors import StudyError
 from hpop.runtime import status
 from hpop.runtime.status import Progress
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 DEFAULT_COUNT = 3
 MOST_LINES = 40
 PORT = 8000
+LIVE_PORT = 8020
 MOST_CONSENT = 100_000  # bytes
 
 
@@ -70,7 +71,7 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     multiple=True,
     callback=listed,
     help="Rows to show: numbers from `hpop show`, knee, or a criterion, for the row with its least value; view is a "
-    "baseline, the still view from the start. [the knee and two others]",
+    "baseline, the still view from the start; live is a session of `hpop study live`. [the knee and two others]",
 )
 @click.option(
     "--count", type=int, metavar="N", help="Number of rows in all; those that differ most from --rows are added."
@@ -209,6 +210,30 @@ def serve(folder: Path, port: int, network: bool) -> None:
 
 @study.command()
 @folder_argument
+@click.argument("participant")
+@click.argument("scenario", type=click.Path(path_type=Path))
+@click.option("--port", type=click.IntRange(0, 65535), default=LIVE_PORT, metavar="N", help=f"Port. [{LIVE_PORT}]")
+@imports_option
+@user_errors
+def live(folder: Path, participant: str, scenario: Path, port: int, imports: Sequence[str]) -> None:
+    """Run the live session of a PARTICIPANT, such as p07, who drives the robot of SCENARIO.
+
+    It is served to this machine, as by `hpop live`, until Ctrl-C. Its record becomes a part of the answers in DIR, and
+    `hpop study report` has a table of what each participant did.
+    """
+    from hpop.cli.living import server_of
+    from hpop.study.live import record_name
+
+    design = hpop.study.Design.load(folder)
+    name = record_name(design, participant)
+    with server_of(scenario, folder / hpop.study.documents.ANSWERS, imports, name=name, port=port) as server:
+        echo(f"drive: {server.address(cli.serving.LOCAL)}")
+        echo(f"record: {server.session.record_path}")
+        server.serve_forever()
+
+
+@study.command()
+@folder_argument
 @user_errors
 def check(folder: Path) -> None:
     """Look for faults in the front, pages and answers.
@@ -301,14 +326,14 @@ def _rows(
     front: Front, asked: list[str], count: int | None, by: str | None, share: float | None
 ) -> list[str | NamedRow]:
     """Return the rows named by --rows and, up to ``count`` in all, further rows that differ most from them."""
-    from hpop.study.conditions import VIEW
+    from hpop.study.conditions import OWN_KINDS
 
     if asked and count is None:
         if share is not None or by is not None:
             raise click.UsageError("--share and --by choose the rows that --count adds: give --count as well")
         return [*asked]
-    views = [row for row in asked if row == VIEW]
-    named = [row for row in asked if row != VIEW] or ["knee"]
+    views = [row for row in asked if row in OWN_KINDS]
+    named = [row for row in asked if row not in OWN_KINDS] or ["knee"]
     several = DEFAULT_COUNT if count is None else count
     if several < max(2, len(named) + len(views)):
         raise click.UsageError(

@@ -234,6 +234,7 @@ def analyse(
     before = answers.before(form, name) if BEFORE in when else None
     tables, notes = score_tables(design, matrix, before, method, chosen)
     chosen_of_pairs, lacking = choice_tables(design, answers)
+    live = {"live": answers.live} if answers.live else {}
     return Analysis(
         design=design,
         answers=answers,
@@ -241,7 +242,7 @@ def analyse(
         form=form,
         score=name,
         correction=chosen,
-        tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs,
+        tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs | live,
         choices=decisions(design, answers, matrix, form, method, chosen, [*notes, *lacking]),
     )
 

@@ -23,6 +23,7 @@ from hpop.study import documents
 from hpop.study.design import Design
 from hpop.study.documents import Contents, TableColumn, csv_bytes, sqlite_bytes, write_bytes
 from hpop.study.forms import Form, score
+from hpop.study.live import live_table
 from hpop.study.participants import unequal
 from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
 
@@ -92,10 +93,11 @@ class Matrix(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """Answers of all participants in a study, read by :meth:`load`."""
+    """Answers of all participants in a study, read by :meth:`load`; ``live`` has a row for each live session."""
 
     design: Design
     sessions: tuple[Session, ...]
+    live: tuple[Mapping[str, str | int | float], ...] = ()
 
     @classmethod
     def load(cls, folder: str | os.PathLike[str], design: Design | None = None) -> Answers:
@@ -109,7 +111,7 @@ class Answers:
         if refused:
             more = f"; and {len(refused) - 1:,} more, which `hpop study check` lists" if len(refused) > 1 else ""
             raise StudyError(refused[0] + more)
-        return cls(known, tuple(sessions))
+        return cls(known, tuple(sessions), live_table(Path(folder), known))
 
     @property
     def people(self) -> tuple[str, ...]:

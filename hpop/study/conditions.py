@@ -29,7 +29,11 @@ from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
 """Name that stands for the still view from the start, in place of a row of the front."""
+LIVE = "live"
+"""Name that stands for a live session, which the participant drives, in place of a row of the front."""
 KINDS = ("ride", "video")
+OWN_KINDS = (VIEW, LIVE)
+"""Conditions that are no trajectories."""
 ENDINGS = {"ride": "html", "video": "mp4", VIEW: "html"}
 ALIKE = 0.1
 """Share by which durations of stimuli may differ without a note."""
@@ -55,9 +59,9 @@ class Condition:
     id        "A", "B", ...: assigned at random, so that it does not reveal the row
     row       row of the front; None for the still view (what the camera sees at the start) and for baselines
     name      name by which the row was chosen, such as "knee", or of a baseline; "" if it was chosen by its number
-    kind      "ride", "video", or "view" for the still view
+    kind      "ride", "video", "view" for the still view, or "live" for a live session, which the participant drives
     costs     by criterion; empty for the still view
-    duration  s, of the executed motion; for the still view the mean of the others
+    duration  s, of the executed motion; for the still view and a live session the mean of the others
     """
 
     id: str
@@ -69,12 +73,13 @@ class Condition:
 
     @property
     def stimulus(self) -> str:
-        """Return the path of the stimulus file, relative to the study's folder."""
-        return f"stimuli/{self.id}.{ENDINGS[self.kind]}"
+        """Return the path of the stimulus file, relative to the study's folder; "" for a live session, which has none."""
+        return "" if self.kind == LIVE else f"stimuli/{self.id}.{ENDINGS[self.kind]}"
 
     def __str__(self) -> str:
         if self.row is None:
-            return "the still view" if self.kind == VIEW else f"{printable(self.name)} (baseline)"
+            known = {VIEW: "the still view", LIVE: "the live session"}
+            return known.get(self.kind, f"{printable(self.name)} (baseline)")
         return f"{printable(self.name)} (row {self.row})" if self.name else f"row {self.row}"
 
 
@@ -85,16 +90,17 @@ def lettered_conditions(
     rng: np.random.Generator,
     baselines: Sequence[Baseline] = (),
 ) -> tuple[Condition, ...]:
-    """Assign random letters to rows, baselines and the still view; return the conditions in the order of the letters.
+    """Assign random letters to rows, baselines, the still view and a live session; return them in the order of letters.
 
-    rows       rows by number or name; VIEW adds the still view
-    kind       kind of the stimuli but the still view: "ride" or "video"
+    rows       rows by number or name; VIEW adds the still view, LIVE a live session
+    kind       kind of the other stimuli: "ride" or "video"
     baselines  further trajectories
     """
-    found = [_named_row(front, row) for row in rows if row != VIEW]
-    count = len(found) + (VIEW in rows) + len(baselines)
-    if list(rows).count(VIEW) > 1:
-        raise StudyError("the still view is named more than once: show it once")
+    found = [_named_row(front, row) for row in rows if row not in OWN_KINDS]
+    others = [str(row) for row in rows if row in OWN_KINDS]
+    count = len(found) + len(others) + len(baselines)
+    if len(set(others)) < len(others):
+        raise StudyError("the still view or the live session is named more than once: name it once")
     if not found or not 2 <= count <= MOST_STIMULI:
         raise StudyError(
             f"a study shows 2 to {MOST_STIMULI} stimuli, at least one of them a row of the front, got {count}"
@@ -109,8 +115,8 @@ def lettered_conditions(
     for beside in baselines:
         lasts.append(beside.trajectory.execution().duration)
         made.append(Condition(next(letters), None, beside.name, kind, dict(beside.costs), lasts[-1]))
-    if VIEW in rows:
-        made.append(Condition(next(letters), None, VIEW, VIEW, {}, float(np.mean(lasts))))
+    for name in others:
+        made.append(Condition(next(letters), None, name, name, {}, float(np.mean(lasts))))
     return tuple(sorted(made, key=lambda condition: condition.id))
 
 
@@ -258,7 +264,7 @@ class ConditionPart(StrictObject):
     id: Letter
     row: Annotated[int, Field(ge=0)] | None
     name: Short
-    kind: Literal["ride", "video", "view"]
+    kind: Literal["ride", "video", "view", "live"]
     costs: Annotated[dict[Short, float], Field(max_length=100)]
     duration: Annotated[float, Field(gt=0)]
 

@@ -31,7 +31,7 @@ from hpop.study.conditions import (
     MOST_BYTES,
     PEOPLE,
     SCHEDULE,
-    VIEW,
+    OWN_KINDS,
     Baseline,
     Condition,
     DesignFile,
@@ -112,7 +112,8 @@ class Design:
         Parameters
         ----------
         rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`, two to 26; "view" is the still
-            view from the start, a baseline with the mean duration of the others
+            view from the start, a baseline with the mean duration of the others; "live" is a live session, in which the
+            participant drives (`hpop study live`)
         participants : number of participants, a multiple of the number of orders, so that these are equally frequent;
             for "permutations" other numbers are refused, for "williams" and "latin" a note says so
         consent : text that a participant reads and agrees to before anything else
@@ -326,11 +327,11 @@ class Design:
     def pairs(self, participant: str) -> list[tuple[str, str]]:
         """Return the pairs of stimuli that a participant compares, in random order and with random sides.
 
-        Each participant has an order of their own, which the seed determines. The still view is never compared.
+        Each participant has an order of their own, which the seed determines. The still view and a live session are never compared.
         """
         if not self.comparisons:
             return []
-        rides = [condition.id for condition in self.conditions if condition.kind != VIEW]
+        rides = [condition.id for condition in self.conditions if condition.kind not in OWN_KINDS]
         rng = np.random.default_rng([self.seed, int(checked_id(participant)[1:])])
         pairs = list(combinations(rides, 2))
         turned = rng.random(len(pairs)) < 0.5

@@ -23,7 +23,7 @@ from hpop.problems.problem import Problem
 from hpop.runtime.status import ProgressCallback
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers, read_sessions
-from hpop.study.conditions import FILE, FRONT, PEOPLE, SCHEDULE, VIEW, Baseline
+from hpop.study.conditions import FILE, FRONT, LIVE, OWN_KINDS, PEOPLE, SCHEDULE, Baseline
 from hpop.study.design import Design
 from hpop.study.documents import (
     ANSWERS,
@@ -42,6 +42,7 @@ from hpop.study.documents import (
     remove_report,
     write_bytes,
 )
+from hpop.study.live import live_table
 from hpop.study.page import rides_of, save_stimuli, session_page
 from hpop.trajectories.trajectory import Trajectory
 
@@ -105,7 +106,7 @@ def prepare(
 def _baseline_trajectories(design: Design, baselines: Sequence[Baseline]) -> dict[str, Trajectory]:
     """Return the trajectories of the design's baselines, by letter; StudyError if the given ones do not match."""
     known = {baseline.name: baseline.trajectory for baseline in baselines}
-    wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind != VIEW}
+    wanted = {one.name: one.id for one in design.conditions if one.row is None and one.kind not in OWN_KINDS}
     if known.keys() != wanted.keys():
         raise StudyError(
             f"the design's baselines are {', '.join(wanted) or 'none'}, got {', '.join(known) or 'none'}; give prepare "
@@ -202,12 +203,25 @@ def check(folder: str | os.PathLike[str]) -> Checked:
         front_of(target, design)
     except StudyError as error:
         faults.append(str(error))
-    needed = [condition.stimulus for condition in design.conditions]
+    needed = [condition.stimulus for condition in design.conditions if condition.stimulus]
     needed += [f"{PAGES}/{person.id}.html" for person in design.expected]
     faults += [f"{target / name} is missing" for name in needed if not (target / name).is_file()]
     sessions, refused = read_sessions(target, design)
-    answers = Answers(design, tuple(sessions))
+    answers = Answers(design, tuple(sessions), live_table(target, design))
+    faults += _without_live(answers)
     return Checked((*faults, *refused, *answers.faults), (*design.notes, *answers.notes))
+
+
+def _without_live(answers: Answers) -> list[str]:
+    """Return a fault for each participant whose session has ended without a record of the live session."""
+    if not any(condition.kind == LIVE for condition in answers.design.conditions):
+        return []
+    recorded = {row["participant"] for row in answers.live}
+    return [
+        f"{session.person.id} has no record of the live session; it is made by `hpop study live`"
+        for session in answers.sessions
+        if session.ended and session.person.id not in recorded
+    ]
 
 
 BEGINNING, MOST_READ = 2**20, 2**26

@@ -53,7 +53,7 @@ class StimulusCondition(Protocol):
 
     id        its letter
     row       row of the front; None for the still view and for baselines
-    kind      "ride", "view" or "video"
+    kind      "ride", "view", "video", or "live", which has no stimulus
     duration  s, of a still view
     """
 
@@ -94,7 +94,7 @@ def save_stimuli(
     """
     target, written = Path(folder), dict[str, Path]()
     said = words(language, study)
-    conditions = list(conditions)
+    conditions = [condition for condition in conditions if condition.kind != "live"]
     videos = [condition.id for condition in conditions if condition.kind == "video"]
     for condition in conditions:
         name = condition.id
@@ -262,7 +262,7 @@ def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
     """
     found: dict[str, Ride] = {}
     for place in public["places"]:
-        if place["kind"] != "video":
+        if place["kind"] not in ("video", "live"):
             found[place["condition"]] = _ride(folder / place["stimulus"], place["condition"])
     bundles = {ride.bundle for ride in found.values()}
     if len(bundles) > 1:

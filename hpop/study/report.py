@@ -50,6 +50,7 @@ TITLES = {
     "balance": "Complete scores by stimulus and place",
     "choices": "Choices of pairs",
     "favourites": "Favourites: chosen over each other stimulus",
+    "live": "Live sessions: what each participant did (head: degrees turned per second)",
     "strengths": "Strengths (Bradley and Terry; logarithms, mean 0)",
 }
 CAPTIONS = {

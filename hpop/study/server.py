@@ -100,7 +100,7 @@ class Study:
         """Return the HTML of a participant's session page; Refusal if the participant is unknown or withdrew."""
         design = self._with(participant)
         public = design.public(participant)
-        state = _state(*(self.folder / condition.stimulus for condition in design.conditions))
+        state = _state(*(self.folder / one.stimulus for one in design.conditions if one.stimulus))
         if self._rides is None or self._rides[0] != state:
             self._rides = (state, rides_of(public, self.folder))
         return session_page(public, self.folder, served=True, rides=self._rides[1])
@@ -108,7 +108,7 @@ class Study:
     def stimulus(self, name: str) -> Path:
         """Return the path of a stimulus file by its name in the design; Refusal for any other name."""
         for condition in self.design.conditions:
-            if condition.stimulus == name:
+            if name and condition.stimulus == name:
                 return self.folder / name
         raise Refusal(HTTPStatus.NOT_FOUND, "the study has no such stimulus")
 

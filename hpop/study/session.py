@@ -17,7 +17,7 @@ from pydantic import Field, StringConstraints
 
 from hpop.base.text import HARMFUL, counted, shown
 from hpop.errors import StudyError
-from hpop.study.conditions import VIEW
+from hpop.study.conditions import OWN_KINDS
 from hpop.study.design import Design
 from hpop.study.documents import StrictObject, read
 from hpop.study.forms import Form
@@ -383,7 +383,7 @@ def _check_comparison(design: Design, value: Any) -> None:
     if compared.question not in known:
         raise StudyError(f"question must be one of {', '.join(known) or 'none'}, got {shown(compared.question)}")
     first, second = compared.pair
-    if VIEW in {design.condition(first).kind, design.condition(second).kind} or first == second:
+    if first == second or not {design.condition(first).kind, design.condition(second).kind}.isdisjoint(OWN_KINDS):
         raise StudyError(f"pair must be two different rides, got {first} and {second}")
     if compared.chosen not in (first, second, NONE):
         raise StudyError(f"chosen must be {first}, {second} or {NONE!r}, got {shown(compared.chosen)}")

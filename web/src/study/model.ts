@@ -35,8 +35,8 @@ export interface Form {
 export interface Place {
   readonly place: number;
   readonly condition: string;
-  /** A page with a ride, a page with a still view, or a video. */
-  readonly kind: "ride" | "view" | "video";
+  /** A page with a ride, a page with a still view, a video, or a session in which the participant drives. */
+  readonly kind: "ride" | "view" | "video" | "live";
   readonly stimulus: string;
   readonly seconds: number;
 }

@@ -4,7 +4,7 @@ import { type Context, compare, consent, form, remarks, title } from "./asking";
 import { Voice, button, element } from "./dom";
 import type { Session as Given } from "./model";
 import { InPage, Posted, type Standing } from "./recorder";
-import { type Screen, declined, end, rest, ride, video } from "./showing";
+import { type Screen, declined, end, live, rest, ride, video } from "./showing";
 import { type Step, plan, planAfterStop, resumed } from "./steps";
 
 export class Session {
@@ -106,6 +106,7 @@ export class Session {
         return { root };
       }
       case "ride": {
+        if (step.at.kind === "live") return live(context, step.at, next);
         const page = this.given.rides[step.at.condition];
         if (page === undefined) return video(context, step.at, this.given.served, next);
         return ride(context, step.at, { text: page, bundle: this.given.bundle }, next);

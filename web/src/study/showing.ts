@@ -191,6 +191,36 @@ export function video({ voice, recorder }: Context, at: Place, served: boolean, 
   };
 }
 
+/** A session in which the participant drives, on the page or in the headset that the person who runs the study shows. */
+export function live({ voice, recorder }: Context, { place, condition }: Place, done: () => void): Screen {
+  const screen = element("section");
+  const row = element("div", "row");
+  let isRunning = false;
+  const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
+  const begin = button(voice.say("ride_begin"), "", () => {
+    isRunning = true;
+    record("begin");
+    const ended = button(voice.say("live_ended"), "", () => {
+      isRunning = false;
+      record("end");
+      done();
+    });
+    ended.className = "main";
+    row.replaceChildren(ended);
+    ended.focus();
+  });
+  begin.className = "main";
+  row.append(begin);
+  screen.append(title(voice.say("live_title", { name: condition })), element("p", "", voice.say("live_about")), row);
+  return {
+    root: screen,
+    leave() {
+      if (isRunning) record("broken");
+      isRunning = false;
+    },
+  };
+}
+
 /** A rest of at least so many seconds; a reload does not begin it anew. */
 export function rest({ voice, recorder }: Context, { place, condition }: Place, least: number, done: () => void): Screen {
   const screen = element("section");
