@@ -216,9 +216,9 @@ def serve(folder: Path, port: int, network: bool) -> None:
 @imports_option
 @user_errors
 def live(folder: Path, participant: str, scenario: Path, port: int, imports: Sequence[str]) -> None:
-    """Run the live session of a PARTICIPANT, such as p07, who drives the robot of SCENARIO.
+    """Run a live session, in which a participant drives.
 
-    It is served to this machine, as by `hpop live`, until Ctrl-C. Its record becomes a part of the answers in DIR, and
+    PARTICIPANT is an id, such as p07; SCENARIO has the robot and its map. The session is served to this machine, as by `hpop live`, until Ctrl-C. Its record becomes a part of the answers in DIR, and
     `hpop study report` has a table of what each participant did.
     """
     from hpop.cli.living import server_of

@@ -73,7 +73,7 @@ class Condition:
 
     @property
     def stimulus(self) -> str:
-        """Return the path of the stimulus file, relative to the study's folder; "" for a live session, which has none."""
+        """Return the path of the stimulus file, relative to the folder of the study; "" for a live session."""
         return "" if self.kind == LIVE else f"stimuli/{self.id}.{ENDINGS[self.kind]}"
 
     def __str__(self) -> str:
@@ -100,7 +100,8 @@ def lettered_conditions(
     others = [str(row) for row in rows if row in OWN_KINDS]
     count = len(found) + len(others) + len(baselines)
     if len(set(others)) < len(others):
-        raise StudyError("the still view or the live session is named more than once: name it once")
+        twice = "still view" if others.count(VIEW) > 1 else "live session"
+        raise StudyError(f"the {twice} is named more than once: show it once")
     if not found or not 2 <= count <= MOST_STIMULI:
         raise StudyError(
             f"a study shows 2 to {MOST_STIMULI} stimuli, at least one of them a row of the front, got {count}"

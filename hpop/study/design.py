@@ -29,9 +29,9 @@ from hpop.study.conditions import (
     FRONT,
     KINDS,
     MOST_BYTES,
+    OWN_KINDS,
     PEOPLE,
     SCHEDULE,
-    OWN_KINDS,
     Baseline,
     Condition,
     DesignFile,
@@ -327,7 +327,8 @@ class Design:
     def pairs(self, participant: str) -> list[tuple[str, str]]:
         """Return the pairs of stimuli that a participant compares, in random order and with random sides.
 
-        Each participant has an order of their own, which the seed determines. The still view and a live session are never compared.
+        Each participant has an order of their own, which the seed determines. The still view and a live session are
+        never compared.
         """
         if not self.comparisons:
             return []

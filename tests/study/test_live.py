@@ -1,4 +1,4 @@
-"""A live session is a stimulus of a study: its record is a part of the answers, counted in the report, and withdrawn."""
+"""A live session is a stimulus of a study: its record is among the answers, counted in the report, and withdrawn."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hpop import study
 from hpop.errors import StudyError
 from hpop.study.folder import check
 from hpop.study.live import live_table, record_name, summary
-from tests.study.sessions import answered, events_of, put, session
+from tests.study.sessions import answered
 
 CARDS = [{"option": 0, "name": "quickest"}, {"option": 2, "name": "gentlest"}]
 
@@ -87,7 +87,9 @@ def test_a_session_that_ended_at_once_has_a_summary() -> None:
 
 @pytest.fixture
 def begun(front: hpop.Front, tmp_path: Path) -> tuple[study.Design, Path]:
-    design = study.Design.of(front, ["knee", "live"], participants=2, consent="You may stop.", forms=["comfort"], seed=3)
+    design = study.Design.of(
+        front, ["knee", "live"], participants=2, consent="You may stop.", forms=["comfort"], seed=3
+    )
     return design, study.prepare(design, front, tmp_path / "study")
 
 
@@ -136,5 +138,5 @@ def test_other_files_are_refused(begun: tuple[study.Design, Path], name: str, ev
 
 
 def test_a_study_without_a_live_session_runs_none(design: study.Design) -> None:
-    with pytest.raises(StudyError, match="has no live session among its stimuli.*--rows knee,live"):
+    with pytest.raises(StudyError, match=r"has no live session among its stimuli.*--rows knee,live"):
         record_name(design, "p01")
