@@ -218,8 +218,9 @@ def serve(folder: Path, port: int, network: bool) -> None:
 def live(folder: Path, participant: str, scenario: Path, port: int, imports: Sequence[str]) -> None:
     """Run a live session, in which a participant drives.
 
-    PARTICIPANT is an id, such as p07; SCENARIO has the robot and its map. The session is served to this machine, as by `hpop live`, until Ctrl-C. Its record becomes a part of the answers in DIR, and
-    `hpop study report` has a table of what each participant did.
+    PARTICIPANT is an id, such as p07; SCENARIO has the robot and its map. The session is served to this machine, as by
+    `hpop live`, until Ctrl-C. Its record becomes a part of the answers in DIR, and `hpop study report` has a table of
+    what each participant did.
     """
     from hpop.cli.living import server_of
     from hpop.study.live import record_name
