@@ -1,7 +1,8 @@
 """Process of the planner of a live session: ``python -P -m hpop.cli.live_planner SCENARIO [FILE_OR_MODULE ...]``.
 
 The process reads requests as lines of JSON from its standard input, and writes messages as lines of JSON to its
-standard output. It ends with its input, so that it never outlives the server, which starts another one if it crashes.
+standard output. Each message has ``processor``: the processor time, ms, since its request came. The process ends with
+its input, so that it never outlives the server, which starts another one if it crashes.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import sys
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
@@ -18,7 +20,20 @@ from hpop.errors import HpopError
 from hpop.live.planner import LivePlanner
 from hpop.scenario import load_scenario
 
-KINDS = ("destination", "options", "take", "push", "wish", "why", "close", "open", "people", "arrived", "restore")
+KINDS = (
+    "destination",
+    "options",
+    "show",
+    "take",
+    "push",
+    "wish",
+    "why",
+    "close",
+    "open",
+    "people",
+    "arrived",
+    "restore",
+)
 """Requests: methods of :class:`hpop.live.planner.LivePlanner`."""
 
 
@@ -46,9 +61,9 @@ def main(scenario: str, imports: Sequence[str]) -> None:
     planner.prepare()
     say({"type": "ready"})
     for line in sys.stdin.buffer:
-        request = json.loads(line)
+        request, began = json.loads(line), time.process_time()
         for message in answers(planner, request):
-            say({**message, "id": request["id"]})
+            say({**message, "id": request["id"], "processor": round(1000.0 * (time.process_time() - began), 1)})
         say({"type": "done", "id": request["id"]})
 
 

@@ -9,11 +9,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import shapely
 
+from hpop.base.math import wrap
 from hpop.base.text import printable
 from hpop.drive.closings import Closing, reach_of
 from hpop.errors import HpopError, QueryError
 from hpop.goals import Tour
-from hpop.motions import States
+from hpop.motions import Model, States
+from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.needs import nearest_free
 from hpop.problems.problem import Problem
 
@@ -23,6 +25,11 @@ SIGHT = (0.8, 2.5)
 """Distances, m, from which a landmark is looked at."""
 WITHIN = 0.75
 """Distance, m, from a point at which a stop of a tour counts as visited."""
+SNAPPED = 0.36
+"""Distance, m, up to which a place that was clicked is moved to a state of the graph, from where searches are quick."""
+NEAR, TURNED = 0.05, 0.1
+"""Distances, m and rad, up to which a robot counts as being at a state of the graph."""
+NEAREST = "the nearest free place is {:.1f} m away"
 HEADINGS = 8
 """Headings that are tried at a place."""
 
@@ -56,6 +63,38 @@ def destination_of(goal: Mapping[str, Any], problem: Problem, closed: Sequence[C
     return found
 
 
+def on_graph(found: Destination, graph: StateGraph | None, problem: Problem) -> Destination:
+    """Return a destination moved to the nearest free state of a graph, if there is one close by."""
+    goal = found.place["goal"]
+    ids = np.zeros(0, np.int64) if graph is None else graph.near(goal["x"], goal["y"], SNAPPED)
+    if graph is None or not ids.size:
+        return found
+    states = graph.states(ids)
+    off = np.hypot(states.x - goal["x"], states.y - goal["y"])
+    off[~problem.model.collision(problem.world).states_free(states)] = np.inf
+    if not np.isfinite(off.min()):
+        return found
+    x, y = (float(column[np.argmin(off)]) for column in (states.x, states.y))
+    words = found.place["words"]
+    if found.place["status"] == "nearest":
+        away = math.dist((x, y), (found.place["x"], found.place["y"]))
+        words = f"{words.partition(';')[0]}; {NEAREST.format(away)}"
+    place = {**found.place, "words": words, "goal": {"x": x, "y": y, "theta": None}}
+    return found._replace(target=_state(problem, x, y), place=place)
+
+
+def start_on_graph(pose: tuple[float, ...], graph: StateGraph | None, model: Model) -> States:
+    """Return the state (1,) of a robot, or the state of a graph at which it is almost."""
+    here = model.space.state(pose)
+    ids = np.zeros(0, np.int64) if graph is None else graph.near(float(here.x[0]), float(here.y[0]), NEAR)
+    if graph is None or not ids.size:
+        return here
+    states = graph.states(ids)
+    turned = np.abs(wrap(states.yaw - here.yaw[0]))
+    nearest = int(np.argmin(turned))
+    return states.take(slice(nearest, nearest + 1)) if turned[nearest] <= TURNED else here
+
+
 def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> Destination:
     """Check a destination without stops."""
     model, world = problem.model, problem.world
@@ -74,7 +113,7 @@ def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]
     near = None if free is None else (float(free.x[0]), float(free.y[0]))
     if near is None or (away := math.dist(near, (x, y))) > FARTHEST:
         return Destination(_place(goal, "blocked", f"blocked by {reason}", None), None)
-    words = f"blocked by {reason}; the nearest free place is {away:.1f} m away"
+    words = f"blocked by {reason}; {NEAREST.format(away)}"
     return Destination(_place(goal, "nearest", words, near), _state(problem, *near))
 
 

@@ -25,8 +25,9 @@ from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, first_turn, line_of, nearest_to_push
 from hpop.live.offers import HORIZON, Offer, apart, bare_problem, plan_message
-from hpop.live.places import Destination, destination_of
+from hpop.live.places import Destination, destination_of, on_graph, start_on_graph
 from hpop.models.execution import Ramps
+from hpop.planners.graphs.state_graph import StateGraph
 from hpop.problems.problem import Planning
 from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
@@ -39,6 +40,8 @@ Pose = tuple[float, float, float]
 
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
+AHEAD = 0.5
+"""The same for ways that are offered ahead, so that a push is answered from them without a search."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
 KEPT_OFFERS = 8
@@ -73,6 +76,12 @@ class LivePlanner:
         self.offer: Offer | None = None
         self.offers = deque[tuple[float, Offer]](maxlen=KEPT_OFFERS)  # told last, each with the time of its question
 
+    @property
+    def graph(self) -> StateGraph | None:
+        """The graph on which the robot is planned, without starts and goals; None if there is none that is kept."""
+        family = self.planning.planner.graph_of_drives
+        return None if family is None else family.states(self.template)
+
     def prepare(self) -> None:
         """Build the graph, by planning once from the scenario's start."""
         problem = replace(self.surroundings.problem, goal=self.template.goal)
@@ -89,6 +98,8 @@ class LivePlanner:
         """Check a destination: a point, a landmark or the stops of a tour; then offer the ways to it."""
         self._see(now, pose)
         found = destination_of(goal, self.surroundings.problem, self.surroundings.closed)
+        if isinstance(found.target, tuple):
+            found = on_graph(found, self.graph, self.surroundings.problem)
         yield found.place
         if found.target is not None:
             self.goal = found
@@ -97,7 +108,7 @@ class LivePlanner:
     def _offer_goal(self, now: float, pose: Pose) -> Iterator[Message]:
         """Offer the ways to the present destination, from where the robot may change its plan."""
         assert self.goal is not None
-        before, state = None, self.template.model.space.state(self._pose(pose))
+        before, state = None, start_on_graph(self._pose(pose), self.graph, self.template.model)
         time = now + (LEAD_AMONG_PEOPLE if self.surroundings.moving else LEAD)
         if self.drive is not None:
             commit = self.drive.commit(now, LEAD + self.brakes)
@@ -124,11 +135,11 @@ class LivePlanner:
         self.offers.append((now, offer))
         return offer.message(now, self.preference)
 
-    def _offer_rest(self, now: float) -> Offer | None:
+    def _offer_rest(self, now: float, lead: float = LEAD) -> Offer | None:
         """Return the ways that remain of the present drive; None if there are none."""
         if self.drive is None:
             return None
-        options = self.drive.options(now, LEAD + self.brakes)
+        options = self.drive.options(now, lead + self.brakes)
         commit, front = options.commit, options.front
         costs: FloatArray = front.costs
         if options.kept is not None:
@@ -141,12 +152,20 @@ class LivePlanner:
         return self.offer
 
     def options(self, now: float, pose: Pose) -> Iterator[Message]:
-        """Offer the ways anew from here: to the destination that was asked for last, or those of the drive."""
+        """Compute the ways anew from here: to the destination that was asked for last, or those of the drive.
+
+        The latter are told by :meth:`show`, so that a push need not wait until they are described.
+        """
         self._see(now, pose)
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
-        elif (offer := self._offer_rest(now)) is not None:
-            yield self._told(offer, now)
+        else:
+            self._offer_rest(now, AHEAD)
+
+    def show(self, now: float, pose: Pose) -> Iterator[Message]:
+        """Offer the ways of the drive that were computed last, unless they were offered already."""
+        if self.offer is not None and not any(self.offer is offer for _, offer in self.offers):
+            yield self._told(self.offer, now)
 
     # Choices
 
@@ -181,6 +200,7 @@ class LivePlanner:
     def _anew(self, now: float, pose: Pose, chosen: Trajectory) -> Generator[Message, None, tuple[Offer, int] | None]:
         """Offer the ways anew; return the offer and the number of the way that is like the chosen one, or None."""
         yield from self.options(now, pose)
+        yield from self.show(now, pose)
         offer = self.offer
         if offer is not None and offer.ways.trajectories:
             distances = [apart(chosen, other) for other in offer.ways.trajectories]
@@ -191,7 +211,7 @@ class LivePlanner:
         return None
 
     def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
-        """Take a way of an offer: yield the plan for the robot, then the message "taken", then further ways."""
+        """Take a way of an offer: yield the plan for the robot, and the message "taken"."""
         trajectory = offer.ways.trajectories[option]
         words = first_turn(trajectory)
         if offer.options is not None:
@@ -215,24 +235,17 @@ class LivePlanner:
             planner = self.planning.planner
             self.drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin))
         self.offer = None
-        yield from self.options_after(now)
-
-    def options_after(self, now: float) -> Iterator[Message]:
-        """Offer the ways of the drive after a change, without a new measurement."""
-        try:
-            offer = self._offer_rest(now)
-        except DriveError as error:
-            yield {"type": "note", "words": printable(str(error))}
-            return
-        if offer is not None:
-            yield self._told(offer, now)
 
     def push(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Take the way whose next seconds lie nearest to a direction, rad in the robot's frame; 0 is ahead."""
         self._see(now, pose)
         offer = self.offer
         if offer is None or self._is_late(offer, now):
-            offer = self._offer_rest(now) if self.goal is None else offer
+            if self.goal is not None:
+                yield from self._offer_goal(now, pose)
+            else:
+                self._offer_rest(now)
+            offer = self.offer
         if offer is None or not offer.ways.trajectories:
             words = "there is no way to choose from; choose a destination first"
             yield {"type": "pushed", "followed": False, "option": None, "words": words}
@@ -331,8 +344,8 @@ class LivePlanner:
             closings = {c.name: shapely.get_coordinates(c.area).tolist() for c in self.surroundings.closings if c.name}
             yield {"type": "changed", "closed": closings}
         if change is None:
-            if self.offer is not None or self.goal is not None:
-                yield from self.options(now, pose)
+            if self.goal is not None:
+                yield from self._offer_goal(now, pose)
             return
         assert self.drive is not None
         yield self._plan(now)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import sys
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -36,6 +37,7 @@ class PlannerProcess:
         self.command = [sys.executable, "-P", "-m", "hpop.cli.live_planner", str(scenario), *imports]
         self.tell = tell
         self.is_ready = False
+        self.took, self._sent = 0.0, 0.0  # s, of the last answer; time of the last request
         self.pid: int | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._number = 0
@@ -67,7 +69,7 @@ class PlannerProcess:
         urgent = next((i for i, (kind, _) in enumerate(self._waiting) if kind == "push"), 0)
         kind, given = self._waiting.pop(urgent)
         self._number += 1
-        self._running = self._number
+        self._running, self._sent = self._number, time.monotonic()
         values = {name: value() if callable(value) else value for name, value in given.items()}
         with suppress(OSError, RuntimeError):  # it is about to be seen that the process has ended
             process.stdin.write(json.dumps({"id": self._number, "kind": kind, **values}).encode() + b"\n")
@@ -102,7 +104,7 @@ class PlannerProcess:
                 if message["type"] == "ready":
                     self.is_ready = True
                 if message["type"] == "done":
-                    self._running = 0
+                    self._running, self.took = 0, time.monotonic() - self._sent
                 else:
                     self.tell(message)
                 self._next()

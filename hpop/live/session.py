@@ -33,8 +33,10 @@ LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
 ANNOUNCED = 3.0
 """Time, s, before a turn at which it is announced."""
-RENEWED = 1.0
-"""Least time, s, between offers of new ways while the robot drives."""
+RENEWED, RENEWED_BEFORE = 0.4, 0.2
+"""Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
+RESTS = 4.0
+"""Least time between offers of new ways, as a multiple of the time that the last one took."""
 SEEN = 1.5
 """Least time, s, between two predictions of the people."""
 PREDICTED = 4.0
@@ -267,6 +269,8 @@ class LiveSession(Audience):
                 if message["option"] is not None:
                     self._plan = message["option"]
                 self.tell(message)
+                self._ask("options")
+                self._ask("show")
             case _:
                 self.tell(message)
 
@@ -291,9 +295,10 @@ class LiveSession(Audience):
         offer = self.newest.get("options")
         if offer is None or now < self._next["ways"] or self.planner.is_busy or self._has_arrived:
             return
-        if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking:
-            self._next["ways"] = now + RENEWED
+        if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking - RENEWED_BEFORE:
+            self._next["ways"] = now + max(RENEWED, RESTS * self.planner.took)
             self._ask("options")
+            self._ask("show")
 
     def _see_people(self, now: float, *, wanted: bool = False) -> None:
         """Tell the planner of the people, if they are not where it predicts them while the robot drives."""

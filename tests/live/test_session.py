@@ -128,7 +128,7 @@ def test_floods_large_messages_and_pages_of_others_are_sent_away(server: LiveSer
 
 def test_the_record_has_what_was_said_and_told_in_order(server: LiveServer, page: Page) -> None:
     page.until("scene")
-    page.say("wish", wish="fewer turns")
+    page.say("wish", wish="fewer cats")
     page.until("refused")
     events = read_record(server.session.record.path)
     assert events[0]["schema"] == "hpop-live-record"
