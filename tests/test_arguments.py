@@ -23,6 +23,7 @@ from hpop.frontier.points import FrontError
 from hpop.study.statistics import bradley_terry
 from hpop.testing import random_motions
 from hpop.view import save_pictures
+from hpop.world.geometry.solids import Box, pose_at
 from tests.right_values import Right, right_values
 
 PACKAGES = [
@@ -290,6 +291,24 @@ def test_some_wrong_values_in_the_place_of_arguments_are_answered_by_their_names
     count, faults = tried(right, 1, every=8)
     assert faults == []
     assert count > 480
+
+
+@pytest.mark.parametrize(
+    ("call", "said"),
+    [
+        (lambda: hpop.DifferentialDrive(raduis=0.3), r"^DifferentialDrive: .* 'raduis'\. Did you mean 'radius'\?"),  # type: ignore[call-arg]
+        (lambda: hpop.World.from_image("a.png", 0.1, treshold=1), r"from_image: .* Did you mean 'threshold'\?"),  # type: ignore[call-arg]
+        (lambda: Box(0.2, 0.2, 0.5), r"^Box: expected at most 1 argument .*put them in brackets: \(0\.2, 0\.2, 0\.5\)"),  # type: ignore[call-arg]
+        (lambda: pose_at(0.45, 0.3, 0.25), r"^pose_at: .*put them in brackets: \(0\.45, 0\.3, 0\.25\)"),  # type: ignore[call-arg]
+        (lambda: hpop.search.pareto_paths(1, 0, 1, ["a"]), r"\(graph, source, target\), got 4; give others by name"),  # type: ignore[arg-type,call-arg]
+        (lambda: hpop.search.pareto_paths(1), "missing 2 required positional"),  # type: ignore[arg-type,call-arg]
+    ],
+)  # fmt: skip
+def test_a_call_with_an_unknown_or_a_surplus_argument_is_answered_with_those_there_are(
+    call: Callable[[], Any], said: str
+) -> None:
+    with pytest.raises(TypeError, match=said):
+        call()
 
 
 @contextmanager

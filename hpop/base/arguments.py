@@ -24,6 +24,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 import numpy as np
 
+from hpop.base.options import call_fault
 from hpop.base.text import article, shown
 
 T = TypeVar("T", bound=Callable[..., Any])
@@ -135,10 +136,13 @@ def _explain(
     if _is_deliberate(error) and not hasattr(error, GUARDED):
         return
     hints, signature = _resolved_hints(function, owner), inspect.signature(function)
+    title = f"{owner.__name__}.{function.__name__}".removesuffix(".__init__") if owner else function.__name__
     try:
         bound = signature.bind(*args, **kwargs)
-    except TypeError:  # Python's own error names missing and surplus arguments
-        return
+    except TypeError:
+        if fault := call_fault(signature, args, kwargs):
+            raise _marked_as_named(TypeError(f"{title}: {fault}")) from None
+        return  # Python's own error names missing arguments
     arguments: list[tuple[str, Any]] = []
     needed = {name for name, each in signature.parameters.items() if each.default is each.empty}
     for name, value in bound.arguments.items():
@@ -150,7 +154,6 @@ def _explain(
             arguments += [(name, each) for each in value]
         elif name not in ("self", "cls"):
             arguments.append((name, value))
-    title = f"{owner.__name__}.{function.__name__}".removesuffix(".__init__") if owner else function.__name__
     message, ours = str(error), hasattr(error, GUARDED)
     cause = error.__cause__ if ours else error
     misfits = [(TypeError, name, value, misfit(value, hints.get(name, Any))) for name, value in arguments]

@@ -248,6 +248,16 @@ def make_criterion(spec: CriterionSpec) -> Criterion:
     )
 
 
+def make_criteria(specs: Sequence[CriterionSpec]) -> tuple[Criterion, ...]:
+    """Return the criteria of a list, each as by :func:`make_criterion`; CriterionError if one is listed twice."""
+    if isinstance(specs, str | Mapping) or not isinstance(specs, Sequence) or not specs:
+        raise CriterionError(f"criteria must be a list such as ['turns', 'length'], got {shown(specs)}")
+    made = tuple(make_criterion(spec) for spec in specs)
+    if repeated := sorted({c.name for c in made if sum(c.name == other.name for other in made) > 1}):
+        raise CriterionError(f"each criterion must be listed once, got {', '.join(repeated)} more than once")
+    return made
+
+
 def quantity_of(name: str, groups: Iterable[str]) -> str:
     """Return what a column of a front measures if its name does not say it, such as "shortfall"; "" otherwise.
 

@@ -24,7 +24,7 @@ from hpop.base.registry import formats
 from hpop.base.text import HARMFUL, printable, shown
 from hpop.errors import OptionError
 from hpop.models.serial_arm.jerk import Jerk, jerk_limited
-from hpop.motions.bodies import JOINTS
+from hpop.motions.bodies import JOINTS, check_body
 from hpop.trajectories.poses import JointRows, Poses, joint_rows, poses_at, sample_times
 from hpop.trajectories.trajectory import Trajectory
 
@@ -148,6 +148,7 @@ class Exported:
         """Return the poses of any body of the robot, at the times of the exported poses."""
         if body == JOINTS:
             raise OptionError(f"this format writes poses, got the body joints; use {', '.join(JOINT_FORMATS)}")
+        check_body(self.run.model, body, or_else=", joints" if JOINTS in self.run.model.provides else "")
         times = sample_times(self.run.duration, self.rate)
         return poses_at(self.run, times, body=body, planned=self.planned)
 

@@ -253,7 +253,7 @@ def check_body(model: Model, body: str, *, or_else: str = "") -> None:
     """Raise OptionError for a body that the model does not have."""
     known = sorted(model.provides - NO_BODIES)
     if body not in known:
+        near = did_you_mean(body, [*known, JOINTS] if JOINTS in or_else else known)
         raise OptionError(
-            f"this robot has no body {shown(body)}.{did_you_mean(body, known)} "
-            f"body must be one of {', '.join(known)}{or_else}"
+            f"this robot has no body {shown(body)}.{near} body must be one of {', '.join(known)}{or_else}"
         )

@@ -18,7 +18,7 @@ from hpop.criteria.base import (
     check_usable,
     describe_criterion,
     index_of_role,
-    make_criterion,
+    make_criteria,
 )
 from hpop.criteria.costs import trajectory_costs, with_quanta
 from hpop.criteria.performance.landmarks import StopsMissed
@@ -97,12 +97,7 @@ class Problem:
             )
         model = with_optional_members(model, MODEL_DEFAULTS).with_scene(world)
         laws_of(model)
-        if isinstance(criteria, str | Mapping) or not isinstance(criteria, Sequence) or not criteria:
-            raise CriterionError(f"criteria must be a list such as ['turns', 'length'], got {shown(criteria)}")
-        checked = tuple(make_criterion(spec) for spec in criteria)
-        repeated = sorted({c.name for c in checked if sum(c.name == other.name for other in checked) > 1})
-        if repeated:
-            raise CriterionError(f"each criterion must be listed once, got {', '.join(repeated)} more than once")
+        checked = make_criteria(criteria)
         if horizon is not None:
             horizon = float(real("horizon", horizon, LEAST, MOST, "a time in s", error=QueryError))
         people, notes = bounded(world, horizon)
@@ -369,7 +364,7 @@ class Planning:
         planner : name, ``{name: options}`` or object
         question : ``quanta``, ``horizon`` and ``tour`` of every problem, as for :class:`hpop.Problem`
         """
-        self.world, self.model, self.criteria = world, model, tuple(criteria)
+        self.world, self.model, self.criteria = world, model, make_criteria(criteria)
         self.planner: Planner = make_planner(planner).anchored()
         self._question = question
 
@@ -394,7 +389,7 @@ class Planning:
         changed = Planning(world, self.model, self.criteria, self.planner, **self._question)
         family, margin = self.planner.graph_of_drives, self.planner.margin
         if family is not None:
-            checked = with_quanta(tuple(map(make_criterion, self.criteria)), self._question.get("quanta"))
+            checked = with_quanta(self.criteria, self._question.get("quanta"))
             criteria = edge_objectives(checked, self.planner.name).optimised
             family.update(self.world.keeping(margin), world.keeping(margin), self.model, criteria)
         return changed

@@ -125,6 +125,7 @@ def _column(name: str, ends: Sequence[Edge], data: Sequence[Mapping[str, Any]]) 
         if not isinstance(value, Real) or not math.isfinite(value) or value < 0:
             negative = isinstance(value, Real) and value < 0
             hint = "; to maximise a quantity, pass its largest value minus the quantity as cost" if negative else ""
+            hint += " (a sum then also rewards fewer edges), or -log(p) of a probability p" if negative else ""
             raise GraphError(
                 f"costs must be finite numbers of at least 0, got {shown(value)} as {shown(name)} of "
                 f"{_edge_text(ends[edge])}{hint}"

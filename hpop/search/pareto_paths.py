@@ -280,6 +280,9 @@ class _ParetoRun:
             **counts,
         )
         asked = query_text(self.graph, self.precision, self.at_most)
+        if status is Status.NO_PATH and self.at_most and self.samples.size:  # there are paths, beyond the bounds
+            lowest = tuple(map(int, self.samples.diagonal()))
+            asked += query_text(self.graph, EXACT, lowest).replace(" of at most", "; each path has at least")
         return ParetoPaths(costs, status, stats, self.graph, self.source, paths, gap=gap, asked=asked)
 
 

@@ -204,7 +204,7 @@ class ParetoPaths:
     def __repr__(self) -> str:
         edges = self._graph.edges
         costs = f"{self.costs.shape[1]} costs" if edges is None else ", ".join(edges.names)
-        return f"<{type(self).__name__}: {len(self):,} of {costs}; {self.status}>"
+        return f"<{type(self).__name__}: {len(self):,} of {costs}; {self.status}{'' if len(self) else self.asked}>"
 
 
 def costs_along(graph: Graph, paths: Sequence[IntArray]) -> IntArray:

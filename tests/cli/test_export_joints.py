@@ -67,6 +67,8 @@ def test_pick_writes_joints(run: Run, tmp_path: Path) -> None:
         "t", *(f"{name}{end}" for end in ("", "_rate", "_acceleration") for name in ARM.model.joints),
     ]  # fmt: skip
     assert len(text.splitlines()) == 2 + int(ARM.duration / 0.1) + 1
+    misnamed = run("export", tmp_path, "--body", "joint")
+    assert "Did you mean 'joints'? body must be one of camera, tool, joints" in misnamed.stderr
     refused = run("pick", tmp_path, "--body", "joints")
     assert refused.exit_code == 2
     assert "--body says whose motion --csv writes" in refused.stderr

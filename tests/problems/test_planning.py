@@ -11,7 +11,7 @@ import shapely
 
 import hpop
 from hpop.criteria import criterion
-from hpop.errors import QueryError, UnsupportedModel
+from hpop.errors import QueryError, UnknownName, UnsupportedModel
 from hpop.motions import Motions
 from hpop.problems.verify import verify
 from hpop.world import Person
@@ -98,6 +98,8 @@ def test_states_of_a_trajectory_are_a_start_and_goals() -> None:
 
 
 def test_ends_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(UnknownName, match=r"'exposures'\. Did you mean 'exposure'\?"):
+        planning(criteria=["exposures"])
     with pytest.raises(QueryError, match="start"):
         planning().solve((2.2, 1.0, 0.0), (5.8, 0.7, None))
     robot = Joints(3)

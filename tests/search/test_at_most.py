@@ -57,7 +57,10 @@ def test_a_bound_below_the_least_leaves_no_path(lattice):
     assert least.all()
     for j in range(3):
         at_most = tuple(int(least[i]) - 1 if i == j else None for i in range(3))
-        assert pareto_paths(graph, 0, graph.nodes - 1, at_most=at_most).status is Status.NO_PATH
+        paths = pareto_paths(graph, 0, graph.nodes - 1, at_most=at_most)
+        assert paths.status is Status.NO_PATH
+        told = ", ".join(f"cost {i} {cost}" for i, cost in enumerate(least))
+        assert f"no path of at most cost {j} {at_most[j]}; each path has at least {told}>" in repr(paths)
 
 
 @pytest.mark.parametrize("at_most", [(1,), (1, -1, None), (1, 0.5, None), (True, None, None)])

@@ -221,6 +221,7 @@ def with_cost(value: object) -> nx.Graph:
         (GOOD, {"costs": ["turns", "turns"]}, "each once, .*got"),
         (GOOD, {"costs": [1]}, "costs must name the attributes"),
         (with_cost(-1.0), {"costs": ["length"]}, "at least 0, got -1.0 as 'length' of edge 'b' - 'c'; to maximise"),
+        (with_cost(-1.0), {"costs": ["length"]}, r"also rewards fewer edges\), or -log\(p\) of a probability p$"),
         (with_cost(math.nan), {"costs": ["length"]},
          "finite numbers of at least 0, got nan as 'length' of edge 'b' - 'c'"),
         (with_cost(math.inf), {"costs": ["length"]}, "got inf as 'length'"),

@@ -49,8 +49,9 @@ class Box:
     size: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        size = _numbers("a box's size", self.size, 3)
-        object.__setattr__(self, "size", tuple(_length("a box's size", value) for value in size))
+        if isinstance(self.size, str) or not isinstance(self.size, Iterable) or len(sides := tuple(self.size)) != 3:
+            raise MapError(f"a box's size must be 3 numbers, its sides (x, y, z) in m; got {shown(self.size)}.")
+        object.__setattr__(self, "size", tuple(_length("a box's size", side) for side in sides))
 
     @property
     def corners(self) -> FloatArray:
@@ -355,7 +356,8 @@ def _checked_pose(pose: Any, name: str) -> FloatArray:
     except (TypeError, ValueError):
         given = np.empty(0)
     if given.shape != (4, 4) or not np.isfinite(given).all() or (given[3] != (0, 0, 0, 1)).any():
-        raise MapError(f"{what} must be a homogeneous matrix (4, 4), its last row 0, 0, 0, 1; got {shown(pose)}.")
+        way = f"; for a position write pose_at({tuple(given.tolist())})" if given.shape == (3,) else ""
+        raise MapError(f"{what} must be a homogeneous matrix (4, 4), its last row 0, 0, 0, 1; got {shown(pose)}{way}.")
     axes = given[:3, :3]
     if not (np.abs(axes @ axes.T - np.eye(3)) <= ORTHONORMAL).all() or np.linalg.det(axes) < 0:
         raise MapError(f"{what} must turn by a rotation matrix (axes of length 1, at right angles, right-handed).")

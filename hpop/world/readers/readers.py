@@ -67,6 +67,11 @@ OTHERS = {
     **dict.fromkeys(
         (".las", ".laz", ".e57", ".npy", ".npz"), "save it as PLY or PCD, or give an array to World.from_points"
     ),
+    **dict.fromkeys(
+        (".urdf", ".xacro", ".srdf"),
+        "it is a robot, not a map: write a scenario as in docs/arm.md, with the robot as model: {{serial_arm: {{urdf: "
+        "FILE, tip: LINK, acceleration: 6}}}} and the map as world; `hpop look FILE.urdf` draws the robot",
+    ),
     ".svg": "save it as PDF, or as PNG",
     **dict.fromkeys((".tif", ".tiff", ".webp", ".heic", ".avif", ".psd"), "save it as PNG"),
 }

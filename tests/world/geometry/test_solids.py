@@ -115,7 +115,8 @@ def test_a_pose_is_roll_pitch_yaw_or_a_quaternion():
     [
         (lambda: Box((1, 2)), "a box's size must be 3 numbers"),
         (lambda: Box((1, 2, 0)), "a box's size must be a length in m"),
-        (lambda: Box((1, 2, math.nan)), "a box's size must be finite numbers"),
+        (lambda: Box((1, 2, math.nan)), "a box's size must be a length in m from 1e-06 to 1,000,000, got nan"),
+        (lambda: Solid(Box((1, 1, 1)), (0.5, 0.3, 0.2)), r"write pose_at\(\(0.5, 0.3, 0.2\)\)"),
         (lambda: Box(None), "a box's size must be 3 numbers"),
         (lambda: Cylinder(-1, 1), "a cylinder's radius must be a length"),
         (lambda: Cylinder(1, "2"), "a cylinder's length must be a length"),
