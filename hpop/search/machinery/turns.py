@@ -153,10 +153,12 @@ class Groups:
         ends_as_groups[:, TURNS] = max(0, self.turns.shape[1] - 1)  # they do not turn
         rows = np.concatenate([*[self.rows] * layers, ends_as_groups])
         rows[: layers * len(self.rows), OFFSET] = tiled(self.rows[:, OFFSET], layers, n)
-        new_number = np.concatenate([tiled(self.new_number, layers, n), ends])
+        nodes = np.concatenate([tiled(self.nodes, layers, n), ends])
+        is_same = np.array_equal(self.nodes, self.new_number)  # usually the numbers stay: one array, to save memory
+        new_number = nodes if is_same else np.concatenate([tiled(self.new_number, layers, n), ends])
         groups = replace(
             self,
-            nodes=np.concatenate([tiled(self.nodes, layers, n), ends]),
+            nodes=nodes,
             new_number=new_number,
             rows=rows,
             dearest=np.concatenate([*[self.dearest] * layers, np.zeros((len(ends), graph.criteria), np.int64)]),
