@@ -127,11 +127,12 @@ def drives() -> None:
 
 
 def plans() -> None:
-    """Plan from the pose that tf tells, then with a planner_id that there is not."""
+    """Plan from a pose, then from the pose that tf tells, and with a planner_id that there is not."""
     assert plan.wait_for_server(timeout_sec=300.0), "the node offers no action"
     until(lambda: False, 1.0)
-    for name in ("knee", "GridBased"):
-        _, ends, _ = send(plan, ComputePathToPose.Goal(goal=pose(5.0, 2.0), planner_id=name))
+    start = {"start": pose(1.0, 2.0), "use_start": True}
+    for name, more in (("knee", start), ("", {}), ("GridBased", start)):
+        _, ends, _ = send(plan, ComputePathToPose.Goal(goal=pose(5.0, 2.0), planner_id=name, **more))
         assert until(ends.done)
         made = ends.result().result
         ends_at = [(one.pose.position.x, one.pose.position.y) for one in (*made.path.poses[:1], *made.path.poses[-1:])]

@@ -7,6 +7,7 @@ import json
 import os
 import pkgutil
 import signal
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -66,45 +67,60 @@ def test_the_planner_calls_hpop_as_it_can_be_called() -> None:
     assert all(len(call.args) == len(PlanarPose._fields) for call in calls("hpop_planner.py", "PlanarPose"))
 
 
-@contextmanager
-def node_of(name: str, folder: Path) -> Iterator[tuple[str, dict[str, str]]]:
-    """Run a node in the Python of ROS; yield this Python and its environment. Skip the test without one."""
+def ros_python() -> tuple[str, dict[str, str]]:
+    """Return the Python of ROS, and its environment; skip the test without one."""
     python = os.environ.get("HPOP_ROS_PYTHON")
     if not python:
         pytest.skip("HPOP_ROS_PYTHON names no Python with rclpy, nav2_msgs, tf2_msgs and what hpop needs")
-    own = {"PYTHONPATH": str(ROOT), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "87"}
+    path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
+    own = {"PYTHONPATH": path, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "87"}
     environment = os.environ | own
     there = subprocess.run([python, "-c", NEEDED], env=environment, capture_output=True, text=True, check=False)
     if there.returncode:
         pytest.skip(f"HPOP_ROS_PYTHON lacks something: {there.stderr.splitlines()[-1]}")
+    return python, environment
+
+
+@contextmanager
+def running(command: list[str], environment: dict[str, str], log: Path) -> Iterator[None]:
+    """Run a program, and end it by Ctrl-C."""
+    with log.open("w") as file, subprocess.Popen(command, env=environment, stdout=file, stderr=file) as program:
+        try:
+            yield
+            program.send_signal(signal.SIGINT)
+            assert program.wait(30) == 0
+        finally:
+            program.kill()
+
+
+def scenario_in(folder: Path) -> Path:
+    """Write an empty hall of 6 x 4 m, and return its scenario."""
     (folder / "hall.pgm").write_bytes(b"P5 60 40 255\n" + bytes([254]) * 2400)
     (folder / "hall.yaml").write_text(MAP)
     (folder / "scenario.yaml").write_text(SCENARIO)
-    command = [python, str(FOLDER / name), "--ros-args", "-p", f"scenario:={folder / 'scenario.yaml'}"]
-    with (folder / "log").open("w") as log, subprocess.Popen(command, env=environment, stdout=log, stderr=log) as node:
-        try:
-            yield python, environment
-        finally:
-            node.send_signal(signal.SIGINT)
-            try:
-                assert node.wait(30) == 0  # it ends by Ctrl-C
-            finally:
-                node.kill()
+    return folder / "scenario.yaml"
 
 
-def said(name: str, what: str, folder: Path) -> Any:
-    """Return what a simulated robot in rclpy says about a node."""
-    with node_of(name, folder) as (python, environment):
-        command = [python, str(Path(__file__).with_name("rclpy_robot.py")), what]
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert not done.returncode, done.stderr + (folder / "log").read_text()
+def robot_says(what: str, folder: Path) -> Any:
+    """Return what a simulated robot in rclpy says about the programs that run."""
+    python, environment = ros_python()
+    command = [python, str(Path(__file__).with_name("rclpy_robot.py")), what]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    logs = "".join(log.read_text() for log in folder.glob("*.log"))
+    assert not done.returncode, done.stderr + logs
     return json.loads(done.stdout)
 
 
-@pytest.mark.proof
-def test_the_follower_drives_a_robot_in_rclpy(tmp_path: Path) -> None:
-    """It stops without tf, drives round an obstacle of a new map, through two poses, and obeys a cancellation."""
-    found = said("hpop_follower.py", "drives", tmp_path)
+def said(name: str, what: str, folder: Path) -> Any:
+    """Return what the robot says about a node of hpop."""
+    python, environment = ros_python()
+    command = [python, str(FOLDER / name), "--ros-args", "-p", f"scenario:={scenario_in(folder)}"]
+    with running(command, environment, folder / "node.log"):
+        return robot_says(what, folder)
+
+
+def check_drive(found: Any) -> None:
+    """Check that it stopped without tf, drove round a new obstacle through two poses, and obeyed a cancellation."""
     assert (found["stopped without tf"], found["stood"]) == (True, True)
     assert found["why"].startswith("the pose of the robot is ")
     assert (found["ended"], found["status"], found["error_msg"]) == (True, SUCCEEDED, "")
@@ -116,10 +132,40 @@ def test_the_follower_drives_a_robot_in_rclpy(tmp_path: Path) -> None:
 
 
 @pytest.mark.proof
-def test_the_planner_plans_in_rclpy(tmp_path: Path) -> None:
-    found = said("hpop_planner.py", "plans", tmp_path)
+def test_the_follower_drives_a_robot_in_rclpy(tmp_path: Path) -> None:
+    check_drive(said("hpop_follower.py", "drives", tmp_path))
+
+
+def check_plans(found: Any) -> None:
     assert found["knee"] == [SUCCEEDED, 0, "", [[1.0, 2.0], [5.0, 2.0]]]
     status, code, words, path = found["GridBased"]
     assert (status, code, path) == (ABORTED, 201, [])
     assert "planner_id must be one of knee" in words
     assert found["options"] == ["turns", "length"]
+
+
+@pytest.mark.proof
+def test_the_planner_plans_in_rclpy(tmp_path: Path) -> None:
+    found = said("hpop_planner.py", "plans", tmp_path)
+    check_plans(found)
+    assert found[""] == found["knee"]  # by the pose that tf tells
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize(
+    ("command", "what", "check"), [("plan", "plans", check_plans), ("follow", "drives", check_drive)]
+)
+def test_hpop_ros_serves_a_robot_through_the_real_rosbridge(command, what, check, tmp_path: Path) -> None:
+    python, environment = ros_python()
+    script = os.environ.get("HPOP_ROSBRIDGE")
+    if not script:
+        pytest.skip("HPOP_ROSBRIDGE names no rosbridge_websocket of rosbridge_server")
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    bridge = [python, script, "--ros-args", "-p", f"port:={port}", "-p", "address:=127.0.0.1"]
+    scenario, url = str(scenario_in(tmp_path)), f"ws://127.0.0.1:{port}"
+    serve = [sys.executable, "-m", "hpop", "ros", command, scenario, "--url", url]
+    here = os.environ | {"PYTHONPATH": str(ROOT)}
+    with running(bridge, environment, tmp_path / "bridge.log"), running(serve, here, tmp_path / "serve.log"):
+        check(robot_says(what, tmp_path))
