@@ -84,7 +84,7 @@ def roll_rate(pose: Pose, twist: Twist) -> Column:
 def turn_to(pose: Pose, axes: Axes) -> Vector:
     """Return the rotation vector, rad, world frame, that turns a body's orientation to given axes ahead, left, up.
 
-    For half a turn, where the direction of the vector is undetermined, it is along the x axis.
+    For half a turn, the vector is (π, 0, 0), whatever the axis of the turn.
     """
     normal, sine, cosine = _remaining_rotation(pose, axes)
     some = sine > ALIGNED

@@ -279,7 +279,11 @@ class PlanarModel(Model):
         yield from speed_faults(self.speed_classes, trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of the motions with a joint beyond an end stop, or with a speed that must be checked."""
+        """Return a mask (M,) of the motions that :meth:`faults` must check.
+
+        These are motions that begin or end with a joint beyond an end stop, and all motions of a law with the state
+        "speed".
+        """
         beyond = beyond_stops(self.space, self.joints, start) | beyond_stops(self.space, self.joints, end)
         return beyond | doubtful_speeds(law, start, end)
 

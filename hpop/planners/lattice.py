@@ -65,8 +65,9 @@ class AnyAngle(ExactSearch, CornersGraph):
 
     Accepts the criteria of the lattice. Guarantees that no path of the roadmap is better in one cost and no worse in
     the others, with the cost of each edge rounded to the criterion's quantum. So if all corners are used and start and
-    goal are on the lattice, no lattice path is better by more than the rounding. Otherwise a lattice path may turn by
-    less than a degree to reach the goal, which no path of the roadmap does.
+    goal are on the lattice, no lattice path is better by more than the rounding. If corners are left out, a lattice
+    path that turns there may be better. If start or goal is not on the lattice, a lattice path may be better because it
+    makes a turn of less than a degree on the way to the goal, which no path of the roadmap does.
 
     Corners are positions of the lattice, so a smaller step still gives shorter paths. The roadmap has one state for
     each heading of each link, and one turn for each pair of headings at a position. So time and memory grow with the

@@ -184,7 +184,7 @@ def _parse_prior(given: dict[str, Any], scale: CostScale) -> Prior:
     values = tuple(numbers(concentration, "concentration", len(concentration)).tolist())
     measures = [parts(one, "what the prior is about", _MEASURE) for one in about]
     if measures and len(measures) != len(values):
-        raise ValueError(f"a prior of {len(values)} concentrations about {len(measures)} costs")
+        raise ValueError(f"{len(values)} concentrations for {len(measures)} costs in the prior, not one for each")
     sizes = _bounded_column(
         [size for *_, size in measures], "the ranges of the prior", len(measures), 0, MOST_COST
     ).tolist()

@@ -87,8 +87,8 @@ def sicken(
     signals = [signal for signal in (felt, felt_rotation, seen, seen_rotation) if signal is not None]
     if not signals or any(signal.shape != (len(signals[0]), 3) for signal in signals):
         raise ValueError(
-            "felt, felt_rotation, seen and seen_rotation must be at least one array, all of equal shape (N, 3), got "
-            f"{[s.shape for s in signals]}"
+            "at least one of felt, felt_rotation, seen and seen_rotation must be given, and those given must have one "
+            f"shape (N, 3); got the shapes {[s.shape for s in signals]}"
         )
 
     def filled(signal: FloatArray | None) -> FloatArray:

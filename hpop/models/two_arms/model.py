@@ -72,7 +72,7 @@ class TwoArms(Model):
                 raise ModelError(f"{name} must be a serial arm, SerialArm(...), got {shown(arm)}")
         if isinstance(self.motion, Trajectory) and self.motion.model != self.work:
             raise ModelError(
-                "motion is a trajectory of another arm; give the arm that moved so as work, or leave it out"
+                "motion is a trajectory of another arm than work; give this trajectory as work, and leave motion out"
             )
         if taken := {PACE, TIME} & set(self.view.joints):
             raise ModelError(f"no joint of the viewing arm may be called {min(taken)!r}; rename it in the URDF")
@@ -195,7 +195,11 @@ class TwoArms(Model):
         return self.view.twist_rate(body, states, rates, changes)
 
     def body(self, name: str, motions: Motions) -> Body:
-        """Return how a body moves in each motion. Path and rotation of the viewing arm's bodies ignore the timing."""
+        """Return how a body moves in each motion.
+
+        For bodies of the viewing arm, length and rotation do not depend on the timing. So they are computed once for
+        all motions with equal start and end joints.
+        """
         return integrated(name, motions) if name == WORK_TOOL else _BodyInTime(name, self, motions)
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:

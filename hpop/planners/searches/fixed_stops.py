@@ -72,8 +72,8 @@ def chosen_states(
     any state of each stop that may come just before, to this state; those of a path from it to the goals, or to any
     state of each stop that may come next; and the costs of the dwell. Each cost counts in multiples of its least sum
     over the states of the stop. States that cannot be reached, or from which no goal can be reached, are left out if
-    the stop has others. Each further state is the one that lowers most the sum of the least bounds over the chosen
-    states; there are fewer states than ``number`` where none lowers it.
+    the stop has others. With several chosen states, each bound counts with its least value among them. Each further
+    state is the one that lowers the sum of these least values most; if no state lowers it, no more are chosen.
 
     query    the graph without stops, with start and goals
     members  for each stop: nodes (c,) at which it can be visited
