@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import tomllib
-from importlib.metadata import distribution
+from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 import pytest
@@ -18,13 +18,18 @@ EXTRAS = [
     if key != "dev"
     for one in extra
 ]
+LARGE = ["jupedsim"]  # not in the lock of development: its Qt and VTK take 700 MB
 
 
 @pytest.mark.parametrize("name", [*NEEDED, *EXTRAS])
 def test_each_dependency_is_named_and_copyleft_with_its_licence(name: str) -> None:
     notice = (ROOT / "NOTICE").read_text()
     assert re.search(rf"\b{name}\b", notice), "name it in NOTICE with its licence"
-    said = distribution(name).metadata
+    try:
+        said = distribution(name).metadata
+    except PackageNotFoundError:
+        assert name in LARGE
+        pytest.skip(f"{name} is not installed")
     licence = f"{said.get('License-Expression') or ''} {(said.get('License') or '')[:80]}"
     if "LGPL" in licence or "Lesser General" in licence:
         assert re.search(rf"\b{name}\s+LGPL", notice)
@@ -39,6 +44,9 @@ def test_each_command_that_listens_is_in_the_security_policy() -> None:
         "ride --serve",
         "study serve",
         "study serve --network",
+        "study live",
+        "live",
+        "live --network",
     ):
         assert f"`hpop {command}`" in policy
 
@@ -54,7 +62,7 @@ def test_a_lock_has_a_hash_for_each_version_that_is_pinned_and_no_other_version(
     plain = {name.replace("_", "-"): version for name, version in pinned.items()}
     for name, version, _ in locked:
         assert plain.get(name.replace("_", "-"), version) == version
-    needed = {one.lower() for one in (*NEEDED, *extra, "setuptools")}
+    needed = {one.lower() for one in (*NEEDED, *extra, "setuptools")} - {*LARGE}
     assert needed <= {name for name, _, _ in locked}
 
 
