@@ -46,6 +46,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/any_angle.py --out out/bench/any_angle.json
 	$(BIN)/python benchmarks/weighted_sum_corridor.py --out out/bench/weighted_sum_corridor.json
 	$(BIN)/python benchmarks/mean.py --out out/bench/mean.json
+	$(BIN)/python benchmarks/live.py --out out/bench/live.json
 	$(BIN)/python benchmarks/drive.py --out out/bench/drive.json
 	$(BIN)/python benchmarks/ride.py --out out/bench/ride.json
 	$(BIN)/python benchmarks/page.py --out out/bench/page.json

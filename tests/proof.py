@@ -55,6 +55,7 @@ PARTS = {
     "motions": ["tests/motions", "tests/trajectories"],
     "problems": ["tests/problems", "tests/goals"],
     "batches": ["tests/batches", "tests/benchmark", "tests/ros"],
+    "live": ["tests/live", "tests/simulation"],
 }
 
 

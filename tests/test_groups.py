@@ -41,7 +41,7 @@ def solved(world, criteria):
 def test_groups_without_a_criterion_are_named_once(world):
     front = solved(world, ["exposure", "turns"])
     (note,) = [note for note in front.notes if "group" in note]
-    assert "robot, others" in note
+    assert "about the robot (energy, wear) or people nearby" in note
     assert "comfort" not in note
 
 

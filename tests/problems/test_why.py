@@ -158,7 +158,7 @@ def test_each_path_passes_on_one_side(name: str) -> None:
         assert side.exact
         assert verify(problem, side.front) == []
         assert all(crosses(trajectory, sign) for trajectory in side.front.trajectories)
-        assert f"passing {side.through} for (" in side.front.certificate
+        assert f"passing {side.through}, for (" in side.front.certificate
         own = {i for i, trajectory in enumerate(front.trajectories) if crosses(trajectory, sign)}
         assert own <= set(side.rows)
     costs = np.concatenate([side.front.costs for side in sides])

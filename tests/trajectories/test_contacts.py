@@ -12,7 +12,7 @@ from hpop.models.collision.parts import Part
 from hpop.motions import States
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.trajectories.contacts import _distance, contact
+from hpop.trajectories.contacts import contact, distance_to_outline
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Future, Person, Track, World
 
@@ -98,7 +98,7 @@ def test_the_distance_from_the_robot_is_that_of_its_placed_outline(corners):
     places = rng.uniform(-2, 2, (200, 2))
     outlines = shapely.convex_hull(shapely.multipoints(parts[0].placed(states)))
     expected = np.maximum(shapely.distance(outlines, shapely.points(places)) - parts[0].radius, 0.0)
-    np.testing.assert_allclose(_distance(parts, states, places), expected, atol=1e-12)
+    np.testing.assert_allclose(distance_to_outline(parts, states, places), expected, atol=1e-12)
     assert corners < 3 or (expected == 0).any()
 
 
