@@ -2,10 +2,10 @@
 
     python benchmarks/live.py [--map NAME ...] [--clicks 40] [--pushes 300] [--step 0.25] [--out FILE]
 
-The real server runs in this process, its planner in another one; a page is connected through the websocket. Clicks are
-at random places; those that the robot cannot reach are drawn again. The first click is left out, and so is reading the
-map. The robot drives to each place, and is pushed at random times to the left or the right. A push that comes while the
-planner is busy waits for it; this is included. After a box was closed, one more click is timed. Processor times are
+`hpop live` runs in a process of its own, and its planner in another; a page is connected through the websocket. Clicks
+are at random places; those that the robot cannot reach are drawn again. The first click is left out, and so is reading
+the map. The robot drives to each place, and is pushed at random times to the left or the right. A push that comes while
+the planner is busy waits for it; this is included. After a box was closed, one more click is timed. Processor times are
 those of the planner alone, and do not include waiting.
 """
 
@@ -15,6 +15,8 @@ import argparse
 import json
 import os
 import platform
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
@@ -24,9 +26,6 @@ from typing import Any
 import maps
 import numpy as np
 from websockets.sync.client import connect
-
-from hpop.cli.living import server_of
-from hpop.live.server import LiveServer
 
 WAIT = 60.0
 
@@ -83,13 +82,14 @@ class Page:
         self._gone.set()
 
 
-def measure(server: LiveServer, bounds: tuple[float, ...], clicks: int, pushes: int) -> dict[str, Any]:
+def measure(address: str, bounds: tuple[float, ...], clicks: int, pushes: int) -> dict[str, Any]:
     """Click and push until there are enough of both."""
     random = np.random.default_rng(0)
     seconds, changed, answered, spent, followed = list[float](), list[float](), list[float](), list[float](), 0
-    with connect(server.address().replace("http", "ws", 1) + "socket", max_size=None) as socket:
+    with connect(address.replace("http", "ws", 1) + "socket", max_size=None) as socket:
         page = Page(socket)
-        page.until("scene")
+        while page.until("note")["words"] != "the map is prepared":
+            pass
         while len(seconds) < clicks + 1 or len(answered) < pushes:
             x, y = random.uniform(bounds[:2], bounds[2:])
             took, options = page.click(x, y)
@@ -152,17 +152,14 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / f"{name}.yaml"
             file.write_text(text.replace("step: 0.25", f"step: {asked.step:g}"))
-            with server_of(file, Path(folder) / "out") as server:
-                thread = Thread(target=server.serve_forever)
-                thread.start()
+            command = [sys.executable, "-P", "-m", "hpop", "live", file.name, "--port", "0", "--out", "out"]
+            with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
                 try:
-                    while not server.session.planner.is_ready:  # type: ignore[attr-defined]
-                        time.sleep(0.05)
-                    bounds = maps.problem(name).world.bounds
-                    found[name] = measure(server, bounds, asked.clicks, asked.pushes)
+                    assert server.stdout is not None
+                    address = server.stdout.readline().strip().removeprefix("drive: ")
+                    found[name] = measure(address, maps.problem(name).world.bounds, asked.clicks, asked.pushes)
                 finally:
-                    server.shutdown()
-                    thread.join()
+                    server.terminate()
         print(name, json.dumps(found[name]))
     if asked.out is not None:
         asked.out.parent.mkdir(parents=True, exist_ok=True)

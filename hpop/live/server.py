@@ -96,7 +96,8 @@ class LiveServer(PageServer):
             return
         tasks = [asyncio.create_task(work) for work in (self._read(socket, viewer), self._write(socket, viewer))]
         try:
-            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            with suppress(asyncio.CancelledError):  # the server ends
+                await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for task in tasks:
                 task.cancel()
