@@ -129,23 +129,31 @@ class StudyError(HpopError, ValueError):
     exit_code = 17
 
 
+MOST_NAMES = 20
+"""Largest number of criteria that a message lists."""
 MOST_LETTERS = 100
 """Longest name for which similar names are suggested."""
 OWN = "import its module first (on the command line --import FILE_OR_MODULE) or install its package."
 
 
 def unknown_name(kind: str, name: str, known: Iterable[str]) -> UnknownName:
-    """Return the error for an unknown name; its message suggests the nearest name, lists all, and explains plugins.
+    """Return the error for an unknown name; its message suggests the nearest names, and explains plugins.
+
+    It lists all names, unless there are many criteria.
 
     >>> print(unknown_name("criterion", "turn", ["turns", "length"]))  # doctest: +NORMALIZE_WHITESPACE
     unknown criterion 'turn'. Did you mean 'turns'? Known: length, turns.
     For one of your own, import its module first (on the command line --import FILE_OR_MODULE) or install its package.
+    >>> print(unknown_name("criterion", "mine", [f"cost_{i}" for i in range(60)]))  # doctest: +NORMALIZE_WHITESPACE
+    unknown criterion 'mine'.
+    For one of your own, import its module first (on the command line --import FILE_OR_MODULE) or install its package.
+    `hpop criteria` lists all 60
     """
     names = sorted(known)
-    return UnknownName(
-        f"unknown {kind} {shown(name)}.{did_you_mean(name, names)} Known: {', '.join(names) or 'none'}. "
-        f"For one of your own, {OWN}"
-    )
+    start = f"unknown {kind} {shown(name)}.{did_you_mean(name, names)}"
+    if kind != "criterion" or len(names) <= MOST_NAMES:
+        return UnknownName(f"{start} Known: {', '.join(names) or 'none'}. For one of your own, {OWN}")
+    return UnknownName(f"{start} For one of your own, {OWN} `hpop criteria` lists all {len(names)}")
 
 
 def did_you_mean(name: object, known: Iterable[str]) -> str:
@@ -200,4 +208,14 @@ def own_failure(subject: str, error: BaseException) -> str:
     """
     location = own_location(error)
     cause = ": ".join(filter(None, (type(error).__name__, str(error))))
-    return f"{subject} failed{f' ({location})' if location else ''}: {cause}"
+    return f"{subject} failed{f' ({location})' if location else ''}: {cause}{_advice(error)}"
+
+
+def _advice(error: BaseException) -> str:
+    """Return what to write instead, for mistakes that are common in code on columns of values; "" for others."""
+    if isinstance(error, ValueError) and "truth value of an array" in str(error):
+        return "; its values are columns: instead of if write np.where(condition, a, b), or a number times (a > b)"
+    if isinstance(error, AttributeError) and type(error.obj).__module__.startswith("hpop."):
+        names = [name for name in dir(error.obj) if not name.startswith("_")]
+        return f".{did_you_mean(error.name, names)} It has {', '.join(names)}"
+    return ""

@@ -49,11 +49,15 @@ def test_what_comes_with_hpop_is_found_by_name():
     assert len(criteria) == len(list(criteria))
 
 
-@pytest.mark.parametrize(("names", "wrong", "right"), [(criteria, "turn", "turns"), (planners, "latice", "lattice")])
-def test_an_unknown_name_lists_the_known_ones_and_suggests_the_nearest(names, wrong, right):
-    with pytest.raises(
-        UnknownName, match=rf"unknown {names.kind} '{wrong}'\. Did you mean '{right}'\? Known: .*{right}"
-    ):
+@pytest.mark.parametrize(
+    ("names", "wrong", "right", "more"),
+    [
+        (criteria, "turn", "turns", r"For one of your own, import .* `hpop criteria` lists all \d+$"),
+        (planners, "latice", "lattice", "Known: .*lattice, .* For one of your own, import "),
+    ],
+)
+def test_an_unknown_name_says_how_the_known_ones_are_listed_and_suggests_the_nearest(names, wrong, right, more):
+    with pytest.raises(UnknownName, match=rf"unknown {names.kind} '{wrong}'\. Did you mean '{right}'\? {more}"):
         names[wrong]
     assert wrong not in names
 

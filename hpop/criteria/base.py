@@ -26,7 +26,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column
-from hpop.base.registry import criteria, plugin_from_spec, with_optional_members
+from hpop.base.registry import GROUPS, criteria, plugin_from_spec, with_optional_members
 from hpop.base.text import shown
 from hpop.errors import CriterionError, did_you_mean
 from hpop.motions import Model, lacking
@@ -188,11 +188,12 @@ def criterion(
 
     Raises CriterionError if the declaration is wrong or the name is taken.
     """
+    groups = ", ".join(f"{letter!r} ({words})" for letter, words in GROUPS.items())
 
     def declare(cls: T) -> T:
         checks = {
             "name must be a non-empty word": bool(name) and not name.isspace(),
-            f"group must be one of {get_args(Group)}, got {group!r}": group in get_args(Group),
+            f"group must be one of {groups}, got {group!r}": group in GROUPS,
             "unit must be given; use '1' for a count or a share": bool(unit),
             f"aggregate must be one of {get_args(Aggregate)}, got {aggregate!r}": aggregate in get_args(Aggregate),
             f"requires must be a tuple of names, such as ('camera',), got {requires!r}": isinstance(requires, tuple),

@@ -11,7 +11,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.base.registry import criteria
 from hpop.base.text import shown
-from hpop.criteria.base import Aggregate, Criterion, Group, Role
+from hpop.criteria.base import Aggregate, Criterion, Group, Role, class_of
 from hpop.errors import HpopError, ModelError
 from hpop.models.collision.parts import Part
 from hpop.models.rigid import checked_field_of_view
@@ -211,6 +211,8 @@ def criterion_says(criterion: Criterion) -> str:
     for name, (value, allowed) in choices.items():
         if value not in allowed:
             return f"{name} must be one of {', '.join(map(str, allowed))}, got {shown(value)}"
+    if not getattr(getattr(class_of(criterion), "__dataclass_params__", None), "frozen", True):
+        return "the dataclass must be frozen, as costs are kept by the criterion: write @dataclass(frozen=True)"
     for name in ("name", "unit"):
         if not (isinstance(value := getattr(criterion, name), str) and value.strip()):
             return f"{name} must be a text that is not empty, got {shown(value)}"

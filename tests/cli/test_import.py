@@ -221,7 +221,11 @@ def test_an_error_in_cost_is_told_with_file_and_line(
         done = hpop(*command, *own, cwd=room)
         assert done.returncode == 8
         assert "criterion 'my_way' failed (" in done.stderr
-        assert "ways.py, line 8): AttributeError: 'Body' object has no attribute 'lengths'; to test the" in done.stderr
+        assert (
+            "ways.py, line 8): AttributeError: 'Body' object has no attribute 'lengths'. Did you mean 'length'?"
+            in done.stderr
+        )
+        assert "; to test the" in done.stderr
         assert "mine/ways.py:Way`\n" in done.stderr
 
 

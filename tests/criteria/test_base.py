@@ -54,7 +54,7 @@ def test_a_declared_criterion_is_found_by_name_and_carries_what_it_declares():
     [
         ("", {}, "name must be"),
         ("  ", {}, "name must be"),
-        ("glare", {"group": "X"}, r"group must be one of \('P', 'C', 'R', 'O'\), got 'X'"),
+        ("glare", {"group": "X"}, r"'P' \(performance\), 'C' \(comfort\), 'R' \(robot\), 'O' \(others\), got 'X'"),
         ("glare", {"unit": ""}, "unit must be given; use '1'"),
         ("glare", {"aggregate": "mean"}, "aggregate must be one of .*'time-mean'.*, got 'mean'"),
         (

@@ -93,6 +93,28 @@ def test_a_criterion_is_told_what_it_declares_otherwise_than_its_protocol_asks(s
         check_criterion(declaring(**DECLARES[said]))
 
 
+def test_a_criterion_whose_parameters_could_change_is_told_to_freeze_them():
+    declared = {name: value for name, value in vars(Base).items() if not name.startswith("__")}
+    Thawed = dataclass(type("Thawed", (), {**declared, "cost": lambda self, m: m.base.length}))
+    with pytest.raises(CriterionError, match=r"the dataclass must be frozen.*write @dataclass\(frozen=True\)"):
+        check_criterion(Thawed())
+
+
+@pytest.mark.parametrize(
+    ("cost", "said"),
+    [
+        (lambda self, m: m.integrate(lambda s: 1.0 if s.camera.x > 3 else 0.0), "instead of if write np.where"),
+        (
+            lambda self, m: m.integrate(lambda s: s.camra.x),
+            r"no attribute 'camra'\. Did you mean 'camera'\? It has .*base",
+        ),
+    ],
+)
+def test_an_error_in_a_cost_is_told_with_what_to_write(cost, said):
+    with pytest.raises(CriterionError, match=said):
+        check_criterion(type("Own", (Base,), {"cost": cost})())
+
+
 def test_what_stands_in_for_a_mean_costs_as_much():
     with pytest.raises(CriterionError, match=f"{STANDS_IN}: wrong of a motion: expected"):
         check_criterion(Mean())
