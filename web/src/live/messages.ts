@@ -202,6 +202,10 @@ export function whyOf(message: Message): Why {
   return { sentence: words(message["sentence"]), exact: message["exact"] !== false, line: points(message["line"]) };
 }
 
+export function namesOf(message: Message): string[] {
+  return list(message["names"]).map(words);
+}
+
 export function turnOf(message: Message): Turn {
   const direction = message["direction"] === "right" ? "right" : "left";
   return { in: number(message["in"]), direction, degrees: Math.abs(number(message["degrees"])) };

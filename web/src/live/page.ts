@@ -9,7 +9,7 @@ import { Destination } from "./destination";
 import { helpDialog } from "./help";
 import { type KeyUser, pressed } from "./keyboard";
 import type { Link } from "./link";
-import { type LiveScene, type Message, optionsOf, placeOf, stateOf, turnOf, whyOf, words } from "./messages";
+import { type LiveScene, type Message, namesOf, optionsOf, placeOf, stateOf, turnOf, whyOf, words } from "./messages";
 import { Minimap } from "./minimap";
 import { Motion } from "./motion";
 import { Plate } from "./plate";
@@ -137,6 +137,9 @@ export class Page {
         this.regions.answered(whyOf(message));
         this.destination.found();
         this.plate.write(words(message["sentence"]));
+        break;
+      case "closed":
+        this.regions.setClosed(namesOf(message));
         break;
       case "setting":
         this.announcer.set({ [words(message["name"])]: message["value"] === true });

@@ -5,7 +5,7 @@ import type { Message, NamedRegion, Why } from "./messages";
 export class Regions {
   readonly root = element("section");
   /** Names of the regions that are closed. */
-  private readonly closed: Set<string>;
+  private closed: ReadonlySet<string>;
   why: Why | null = null;
   /** The answer, which lies over the view. */
   readonly overlay = element("div");
@@ -38,11 +38,7 @@ export class Regions {
     this.select.addEventListener("change", () => { this.showDoor(); });
     this.door = button("", "", () => {
       const name = this.select.value;
-      const open = this.closed.has(name);
-      if (open) this.closed.delete(name);
-      else this.closed.add(name);
-      send({ type: open ? "open" : "close", name });
-      this.showDoor();
+      send({ type: this.closed.has(name) ? "open" : "close", name });
     });
     const row = element("div", "row");
     row.append(this.select, button("Why not here?", "Ask what the best way through this region costs", () => {
@@ -57,6 +53,12 @@ export class Regions {
   /** Corners of the closed regions, for the map. */
   get shut(): NamedRegion["ring"][] {
     return this.regions.filter(({ name }) => this.closed.has(name)).map(({ ring }) => ring);
+  }
+
+  /** The server closed and opened regions: these are closed now. */
+  setClosed(names: readonly string[]): void {
+    this.closed = new Set(names);
+    this.showDoor();
   }
 
   answered(why: Why): void {
