@@ -384,7 +384,7 @@ def test_a_session_among_people_who_react_touches_nobody_and_tells_true_numbers(
         assert all(math.dist(here, person[:2]) > 0.5 for person in state["people"]), state
     for options in guest.of("options"):
         for card in options["cards"]:
-            line = shapely.LineString(card["line"])
+            line = shapely.LineString([*card["line"], card["line"][-1]])
             assert card["costs"]["length"] == pytest.approx(line.length, abs=0.05)
             assert walls.distance(line) > 0.24
     for why in guest.of("why"):

@@ -135,7 +135,7 @@ export class Page {
         break;
       case "why":
         this.regions.answered(whyOf(message));
-        this.destination.found();
+        this.say("");
         this.plate.write(words(message["sentence"]));
         break;
       case "closed":
@@ -188,6 +188,8 @@ export class Page {
   private send(message: Message): void {
     if (!this.drives) this.say("You are watching: another viewer drives.");
     else if (!this.link.send(message)) this.say("There is no connection at the moment.");
+    else if (message.type === "why") this.say("Looking for the best way through there …");
+    else if (message.type === "take") this.say("Changing to this way …");
   }
 
   private halt(on: boolean): void {
