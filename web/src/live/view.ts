@@ -17,7 +17,7 @@ const UP = new Vector3(0, 0, 1);
 const MEASURED = 10;
 const SLOW = 1 / 40;
 const FAST = 1 / 55;
-const COARSEST = 0.5;
+const COARSEST = 0.4;
 /** Measurements in a row that must be fast at first; twice as many after each loss, so that the picture seldom changes. */
 const PATIENCE = 6;
 const TURN = 0.15;
