@@ -24,8 +24,7 @@ from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_
 
 import numpy as np
 
-from hpop.base.options import call_fault
-from hpop.base.text import article, shown
+from hpop.base.text import article, call_fault, shown
 
 T = TypeVar("T", bound=Callable[..., Any])
 

@@ -6,15 +6,14 @@ by zero or makes a computation endless.
 
 from __future__ import annotations
 
-import inspect
 import os
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from math import nan, radians
 from numbers import Integral
 from typing import Annotated, Any, TypeVar
 
-from hpop.base.text import counted, is_number, is_whole, python_value, shown
+from hpop.base.text import is_number, is_whole, python_value, shown
 from hpop.errors import HpopError, OptionError, did_you_mean
 
 T = TypeVar("T")
@@ -232,19 +231,3 @@ def _bounds_text(least: float, most: float, beyond: bool) -> str:
 def _bound_text(bound: float) -> str:
     """Return one bound as text: 1000000.0 as "1,000,000"."""
     return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"
-
-
-def call_fault(signature: inspect.Signature, args: Sequence[Any], kwargs: Mapping[str, Any]) -> str:
-    """Return what is wrong with a call that has an unknown or a surplus argument; "" if it has neither."""
-    known = [name for name in signature.parameters if name not in ("self", "cls")]
-    if unknown := next((name for name in kwargs if name not in known), ""):
-        return f"there is no argument {unknown!r}.{did_you_mean(unknown, known)} Its arguments: {', '.join(known)}"
-    placed = [name for name in known if signature.parameters[name].kind is not inspect.Parameter.KEYWORD_ONLY]
-    values = args[len(signature.parameters) - len(known) :]
-    if len(values) <= len(placed):
-        return ""
-    rest = f"; give others by name: {', '.join(known[len(placed) :])}" if len(known) > len(placed) else ""
-    if len(placed) == 1 and all(map(is_number, values)):
-        rest = f"; put them in brackets: ({', '.join(map(shown, values))})"
-    most = counted(len(placed), "argument")
-    return f"expected at most {most} without a name ({', '.join(placed)}), got {len(values)}{rest}"

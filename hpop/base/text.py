@@ -1,12 +1,14 @@
-"""Values as text for messages, short and printable, and as Python's numbers."""
+"""Values and faults of calls as text for messages, short and printable, and values as Python's numbers."""
 
 from __future__ import annotations
 
+import inspect
 import os
 import re
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import fields
+from difflib import get_close_matches
 from itertools import islice
 from math import log10
 from numbers import Integral, Real
@@ -164,3 +166,20 @@ def set_python_values(owner: Any) -> None:
         value = getattr(owner, field.name)
         if (number := python_value(value)) is not value:
             object.__setattr__(owner, field.name, number)
+
+
+def call_fault(signature: inspect.Signature, args: Sequence[Any], kwargs: Mapping[str, Any]) -> str:
+    """Return what is wrong with a call that has an unknown or a surplus argument; "" if it has neither."""
+    known = [name for name in signature.parameters if name not in ("self", "cls")]
+    if unknown := next((name for name in kwargs if name not in known), ""):
+        near = "".join(f" Did you mean {name!r}?" for name in get_close_matches(unknown, known, n=1))
+        return f"there is no argument {unknown!r}.{near} Its arguments: {', '.join(known)}"
+    placed = [name for name in known if signature.parameters[name].kind is not inspect.Parameter.KEYWORD_ONLY]
+    values = args[len(signature.parameters) - len(known) :]
+    if len(values) <= len(placed):
+        return ""
+    rest = f"; give others by name: {', '.join(known[len(placed) :])}" if len(known) > len(placed) else ""
+    if len(placed) == 1 and all(map(is_number, values)):
+        rest = f"; put them in brackets: ({', '.join(map(shown, values))})"
+    most = counted(len(placed), "argument")
+    return f"expected at most {most} without a name ({', '.join(placed)}), got {len(values)}{rest}"
