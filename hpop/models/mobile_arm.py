@@ -183,9 +183,10 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws: those that the base executes, except curves, with a run at each speed; and the arm's reaches.
+        """Motion laws: those that the base executes, except curves, with a run at each speed; reaches; and ramps.
 
-        Only the laws of free speed beside them (:mod:`hpop.models.ramps`) need not begin and end at rest.
+        Reaches move the arm. Only ramps, which are laws of free speed, need not begin and end at rest
+        (:mod:`hpop.models.ramps`).
         """
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]

@@ -220,9 +220,9 @@ class Preference:
         return least_cost_row(self.scale.rows_on(front), self._shares)
 
     def expected(self, front: ItemFront[Any], costs: FloatArray) -> FloatArray:
-        """Return the expected total cost (m,) for this person of costs (m, k), relative to a point with costs of 0.
+        """Return the expected totals (m,) of costs (m, k) for this person, minus the total of costs that are all 0.
 
-        The k costs are in the order of ``front.names``. The total is the sum of the scaled costs (0 and 1 at the ideal
+        The k costs are in the order of ``front.names``. A total is the sum of the scaled costs (0 and 1 at the ideal
         and the nadir of the preference's own front), each times the person's mean share.
         Raises StudyError if the front lacks a cost of the preference.
         """

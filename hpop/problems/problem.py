@@ -265,11 +265,14 @@ class Problem:
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Problem:
         """Return the problem of a description; an invalid part raises its own error, a missing one QueryError."""
+        keys = ("world", "model", "start", "goal", "criteria")
         try:
-            world, model = description["world"], description["model"]
-            start, goal, criteria = description["start"], description["goal"], description["criteria"]
-        except (LookupError, TypeError) as error:
-            raise QueryError(f"a problem's description must have {shown(error)}, but lacks it; save again") from None
+            world, model, start, goal, criteria = (description[key] for key in keys)
+        except (LookupError, TypeError):
+            got = list(description) if isinstance(description, Mapping) else description
+            raise QueryError(
+                f"a problem's description must be a mapping with {', '.join(keys)}, got {shown(got)}; save it again"
+            ) from None
         try:
             return cls(
                 World.from_description(world),

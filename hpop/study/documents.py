@@ -359,7 +359,7 @@ def _checked_texts(texts: Words, english: Words, file: str) -> Words:
         if name in english and _placeholders(text) != _placeholders(english[name])
     ]
     if said:
-        raise StudyError(f"{file} {'; '.join(said)}; write the texts of hpop's en.json, all of them")
+        raise StudyError(f"{file} {'; '.join(said)}; translate each text of hpop's en.json, no others")
     return texts
 
 

@@ -226,9 +226,9 @@ def write_weighted_costs(first: NDArray[Any], rest: NDArray[Any], weights: Float
 
 @lean
 def write_weighted_least(nodes: NDArray[Any], weights: FloatArray, out: IntLanes) -> None:
-    """Write the weighted sums of the least remaining first and rest cost of each node to `out` (n, LANES), rounded up.
+    """Write the weighted sum of two least remaining costs of each node to `out` (n, LANES), rounded up.
 
-    nodes    (n, 4)      table of nodes of the staircase search, which has these costs
+    nodes    (n, 4)      table of nodes of the staircase search; the two costs are its columns H_FIRST and H_REST
     weights  (LANES, 2)  weights of the two costs
     """
     for v in range(np.uint64(len(nodes))):

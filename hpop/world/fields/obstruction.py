@@ -197,7 +197,11 @@ def prism_obstruction(
 
 
 def disjoint_prisms(obstacles: Sequence[Obstacle]) -> tuple[list[BaseGeometry], FloatArray]:
-    """Cut overlapping obstacles into S prisms that do not overlap; return their polygons and heights (S, 2), m."""
+    """Cut obstacles into S prisms that do not overlap; return their polygons and heights (S, 2), m.
+
+    Obstacles whose polygons touch are cut at each height at which one of them begins or ends. Between two such heights
+    there is one prism: the union of the polygons of the obstacles there.
+    """
     geometries: list[BaseGeometry] = []
     heights: list[tuple[float, float]] = []
     for group in _groups([o.polygon for o in obstacles]):
