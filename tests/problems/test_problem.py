@@ -163,7 +163,7 @@ def test_any_part_of_a_description_may_be_wrong(part: str, wrong: object) -> Non
 
 @pytest.mark.parametrize("nothing", [{}, None, [], "x", {"world": {}}])
 def test_what_is_no_description_is_refused(nothing: object) -> None:
-    with pytest.raises(QueryError, match="description"):
+    with pytest.raises(QueryError, match="must be a mapping with world, model, start, goal, criteria, got"):
         Problem.from_description(nothing)  # type: ignore[arg-type]
 
 
