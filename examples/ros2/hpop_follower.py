@@ -53,7 +53,7 @@ class HpopFollower(Node):
         self.known: FollowInterface = self._given(FollowInterface)
         settings: FollowSettings = self._given(FollowSettings)
         interface = Interface(frame_id=self.known.frame_id, choice=settings.choice)
-        planner = FollowPlanner(scenario.problem, scenario.planners, interface)
+        planner = FollowPlanner(scenario.problem, scenario.planners, interface, near=settings.near + 0.05)
         front = planner.rehearsed()
         say = self.get_logger().info
         say(f"planned the scenario's own question: {len(front)} trajectories, {front.status}")

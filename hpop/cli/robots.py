@@ -172,7 +172,7 @@ def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, **giv
     hpop.ros.bridge.checked_url(url)
     loaded = hpop.scenario.load_scenario(scenario)
     interface = hpop.ros.Interface(frame_id=known.frame_id, choice=settings.choice)
-    planner = hpop.ros.FollowPlanner(loaded.problem, loaded.planners, interface)
+    planner = hpop.ros.FollowPlanner(loaded.problem, loaded.planners, interface, near=settings.near + 0.05)
     _rehearse(planner, scenario)
     _serve(url, hpop.ros.FollowServer(planner, settings, known, say=echo))
     echo("goals are no longer driven")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, is_dataclass, replace
 from threading import Event
 from typing import Any, NamedTuple
 
@@ -21,6 +21,7 @@ from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure, Interface
 from hpop.simulation.tracking import Command
 from hpop.world import World
 
+KEPT = 0.15  # m from people
 SAME_PLACE = 0.05  # m that a measured pose may be off the place of the plan where the robot stopped
 
 
@@ -119,10 +120,11 @@ class FollowPlanner(GoalPlanner):
     problem   world, model and criteria, as for :class:`GoalPlanner`
     planners  their fronts are joined
     known     names of frames
+    near      m, distance that plans keep from people, at least, if the planner can; more than a follower's ``near``
     """
 
-    def __init__(self, problem: Problem, planners: Sequence[Planner], known: Interface) -> None:
-        super().__init__(problem, [planner.anchored() for planner in planners], known)
+    def __init__(self, problem: Problem, planners: Sequence[Planner], known: Interface, *, near: float = KEPT) -> None:
+        super().__init__(problem, [_keeping(planner, near).anchored() for planner in planners], known)
         self._before = problem.world
 
     def way(
@@ -160,3 +162,10 @@ class FollowPlanner(GoalPlanner):
             if failure.code is not ErrorCode.START_OCCUPIED or not near:
                 raise
         return self.solved(near[0], end, progress, world=worlds[1], tour=tour)
+
+
+def _keeping(planner: Planner, margin: float) -> Planner:
+    """Return a planner that keeps a distance from people, m, or more; the planner itself if it has no such option."""
+    if planner.margin >= margin or not is_dataclass(planner) or "margin" not in {each.name for each in fields(planner)}:
+        return planner
+    return replace(planner, margin=margin)

@@ -101,7 +101,7 @@ class Sighting:
     def meets_people(self, soon: States, pose: PlanarPose, now: float, near: float) -> bool:
         """Return whether the robot soon comes nearer to a person than ``near``, m, and than if it stood still.
 
-        ``soon`` are its states (n,) from now on, `CHECKED` s apart. People are predicted with constant velocity.
+        ``soon`` are its states (n,) from now on, `CHECKED` s apart. People may walk on with constant velocity, or stop.
         """
         if self._people is None or now - self._people[1] > PEOPLE_LAST:
             return False
@@ -109,10 +109,11 @@ class Sighting:
         here = self.planner.state_at(pose).take(np.zeros(soon.size, np.int64))
         parts = self.planner.problem.model.platform
         for person in (one.later(max(0.0, now - self._people[1])) for one in self._people[0]):
-            x, y = person.x + person.velocity[0] * times, person.y + person.velocity[1] * times
-            moving, standing = (_gaps(parts, states, x, y) - person.radius for states in (soon, here))
-            if ((moving < near) & (moving < standing - SLIGHT)).any():
-                return True
+            for vx, vy in {person.velocity, (0.0, 0.0)}:
+                x, y = person.x + vx * times, person.y + vy * times
+                moving, standing = (_gaps(parts, states, x, y) - person.radius for states in (soon, here))
+                if ((moving < near) & (moving < standing - SLIGHT)).any():
+                    return True
         return False
 
     def speed_limit(self, pose: PlanarPose | None, cruise: float) -> float:

@@ -236,3 +236,43 @@ def test_goals_that_cannot_be_reached_end_with_the_reason(planner):
     assert (ended.reached, ended.words) == (False, "the goal (70, 5) is off the map")
     with pytest.raises(RosError, match="at least one pose"):
         trip.follower.follow("none", [], trip.now)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(4))
+def test_with_delay_noise_and_people_it_arrives_and_touches_neither_walls_nor_people(seed):
+    """Commands take effect 0.1 s late, poses are off by 1 cm; people walk straight on, and stop before the robot."""
+    rng = np.random.default_rng(seed)
+    cells = np.zeros((80, 100), np.bool_)
+    for _ in range(8):
+        x, y = rng.integers(10, 85), rng.integers(5, 70)
+        cells[y : y + rng.integers(3, 15), x : x + rng.integers(3, 15)] = True
+    cells[5:20, 2:15] = cells[60:78, 82:98] = False
+    world = hpop.World.from_cells(cells, 0.1)
+    model = hpop.DifferentialDrive(radius=0.25, speed=0.8, acceleration=0.8)
+    problem = hpop.Problem(world, model, (1, 1, 0), (9, 7, None), ["turns", "length"])
+    planner = FollowPlanner(problem, [Lattice(step=0.5)], Interface())
+    follower = Follower(planner, FollowSettings(delay=0.1), AtOnce())
+    robot, pending, now = Robot(1.0, 1.0, 0.0), [(0.0, 0.0)] * 2, 0.0
+    places = np.column_stack([rng.uniform(3, 8, 3), rng.uniform(2, 6, 3)])
+    velocities = rng.normal(0.0, 0.4, (3, 2))
+    follower.follow("a", [PlanarPose(9.0, 7.0, 0.0, "map")], now)
+    ended: list[Ended] = []
+    gaps = []
+    while not ended and now < 200:
+        apart = np.hypot(*(places - (robot.x, robot.y)).T)
+        gaps.append(apart.min() - 0.5)
+        moving = np.where((apart < 1.3)[:, None], 0.0, velocities)
+        seen = PlanarPose(robot.x + rng.normal(0, 0.01), robot.y + rng.normal(0, 0.01), robot.yaw, "map")
+        follower.located(seen, now)
+        follower.saw([Person(*place, velocity=tuple(v)) for place, v in zip(places, moving, strict=True)], now)
+        step = follower.step(now)
+        ended += [event for event in step.events if isinstance(event, Ended)]
+        pending.append(step.command or (0.0, 0.0))
+        robot.drive(*pending.pop(0), 0.05)
+        places += 0.05 * moving
+        velocities = np.where((places < 0.5) | (places > (9.5, 7.5)), -velocities, velocities)
+        now += 0.05
+    assert ended[0].reached
+    assert min(gaps) > 0.0
+    assert shapely.LineString(robot.passed).distance(world.raster.solid()) > 0.25
