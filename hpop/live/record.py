@@ -30,7 +30,7 @@ class Record:
         self.path = path
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
-            self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
+            self._file: int | None = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_APPEND, 0o644)
         except OSError as error:
             raise OutputError(
                 f"the record cannot be written to {path}: {error.strerror or error}; choose another --out"
@@ -38,13 +38,17 @@ class Record:
         self.add(0.0, "session", {"schema": SCHEMA, "version": VERSION, **about})
 
     def add(self, t: float, event: str, values: Mapping[str, Any]) -> None:
-        """Append an event; it is with the system when this returns."""
+        """Append an event, unless the record was closed; it is with the system when this returns."""
+        if self._file is None:
+            return
         line = json.dumps({"at": utc(), "t": round(t, 3), "event": event, **values}, separators=(",", ":"))
         os.write(self._file, line.encode() + b"\n")
 
     def close(self) -> None:
-        """Close the file."""
-        os.close(self._file)
+        """Close the file; what comes later is not recorded."""
+        if self._file is not None:
+            os.close(self._file)
+        self._file = None
 
 
 def read_record(path: Path) -> list[dict[str, Any]]:
