@@ -339,7 +339,7 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
     owner = np.argmin(beyond, axis=0)
     grown = []
     for number, body in enumerate(pieces):
-        corners = surface.corners[owner == number].reshape(-1, 3)
+        corners = surface.vertices[surface.faces[owner == number]].reshape(-1, 3)
         within = np.concatenate([body.points, corners])
         grown.append((around(within) if large else None) or enclosing(_solid(within, path)))
     return grown, ""
