@@ -107,3 +107,39 @@ def test_ctrl_c_while_the_scenario_is_planned_ends_it(run: Run, room: Path, writ
     write(room, ("lattice: {step: 0.5}", "- lattice: {step: 0.5}\n  - pressed: {}"))
     result = run("ros", room / "room.yaml", "--url", "ws://localhost:9", "--import", room / "pressed.py")
     assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
+
+
+def test_follow_offers_navigation_until_ctrl_c(run: Run, room: Path) -> None:
+    main = threading.main_thread().ident
+    assert main is not None
+
+    def wait(bridge: FakeBridge) -> set[str]:
+        try:
+            return set(bridge.offered("/go/navigate_through_poses").actions)
+        finally:
+            signal.pthread_kill(main, signal.SIGINT)
+
+    with fake_bridge() as bridge, ThreadPoolExecutor() as pool:
+        offered = pool.submit(wait, bridge)
+        result = run("ros", "follow", room / "room.yaml", "--url", bridge.url, "--prefix", "/go", "--people-topic", "")
+        assert offered.result() == {"/go/navigate_to_pose", "/go/navigate_through_poses"}
+        bridge.until(lambda: not bridge.clients)
+        assert bridge.log == []
+    assert result.exit_code == 0, result.output
+    assert result.output.splitlines()[-1] == "goals are no longer driven"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--rate", "1"], "rate must be a number of commands a second"),
+        (["--late", "-1"], "late must be a number of at least 0"),
+        (["--people-type", "Person"], "people_type must be one of"),
+        (["--cmd-topic", ""], "cmd_topic must be a name of ROS"),
+        (["--choice", ""], "choice must be a name such as knee"),
+    ],
+)
+def test_follow_refuses_what_makes_no_sense_at_once(run: Run, room: Path, options: list[str], said: str) -> None:
+    result = run("ros", "follow", room / "room.yaml", "--url", "ws://localhost:9", *options)
+    assert result.exit_code == 10
+    assert said in result.output
