@@ -125,7 +125,8 @@ def check_drive(found: Any) -> None:
     assert found["why"].startswith("the pose of the robot is ")
     assert (found["ended"], found["status"], found["error_msg"]) == (True, SUCCEEDED, "")
     assert found["feedback"] > 10
-    assert (found["poses remaining"], found["paths"], found["options"]) == (1, 2, ["turns", "length"])
+    assert (found["poses remaining"], found["options"]) == (1, ["turns", "length"])
+    assert found["paths"] >= 2  # more on a machine so busy that poses come late
     assert shapely.LineString(found["passed"]).distance(shapely.box(4.0, 1.0, 4.2, 3.1)) >= 0.2
     assert (found["canceled"], found["stands after cancel"]) == (CANCELED, True)
     assert found["wrong frame"] == [ABORTED, "poses of a goal must be in the frame map, got 'odom'"]
