@@ -166,3 +166,27 @@ def test_plain_label_setting_on_a_clock_finds_all(module, seeds):
             assert [tuple(row) for row in found.costs.tolist()] == front_by_enumeration(query)
             asked += 1
     assert asked > 50
+
+
+@pytest.mark.parametrize(
+    ("kept", "today"),
+    [
+        (
+            "8 headings, no corner cutting for (turns, length); paths",
+            "8 headings, no corner cutting, for (turns, length); paths",
+        ),
+        (
+            "20 samples and 8 neighbours of each and 6 links of each to states farther away, 3 guides for (jerk)",
+            "20 samples and 8 neighbours and 6 far links of each, 3 guides, for (jerk)",
+        ),
+        (
+            "spline: 3 splines, each proved free of collisions and no worse than its path in (jerk), and 1 path, "
+            "2 not smoothed yet; local improvements, not proved to be optimal",
+            "spline: the best of 3 splines and 1 path, 2 not smoothed yet; each spline is proved free of collisions "
+            "and no worse than its path in (jerk); these are local improvements, not proved to be optimal",
+        ),
+    ],
+)
+def test_certificates_of_kept_fronts_are_compared_in_the_words_of_today(module, kept, today):
+    reworded = module("fronts").reworded
+    assert reworded(kept) == reworded(today) == today
