@@ -18,6 +18,7 @@ from hpop.motions import Model, States
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.needs import nearest_free
 from hpop.problems.problem import Problem
+from hpop.world.content.content import Landmark
 
 FARTHEST = 5.0
 """Distance, m, from a blocked place to the nearest free one, above which the place counts as blocked."""
@@ -64,10 +65,10 @@ def destination_of(goal: Mapping[str, Any], problem: Problem, closed: Sequence[C
 
 
 def on_graph(found: Destination, graph: StateGraph | None, problem: Problem) -> Destination:
-    """Return a destination moved to the nearest free state of a graph, if there is one close by."""
+    """Return a destination of any heading moved to the nearest free state of a graph, if there is one close by."""
     goal = found.place["goal"]
     ids = np.zeros(0, np.int64) if graph is None else graph.near(goal["x"], goal["y"], SNAPPED)
-    if graph is None or not ids.size:
+    if graph is None or not ids.size or None not in found.target:
         return found
     states = graph.states(ids)
     off = np.hypot(states.x - goal["x"], states.y - goal["y"])
@@ -102,9 +103,12 @@ def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]
         mark = next((m for m in world.content.landmarks if m.name == goal["landmark"]), None)
         if mark is None:
             raise QueryError(f"the map has no landmark called {goal['landmark']!r}; choose one of the map")
-        target = {"look_at": {"target": [mark.x, mark.y, mark.z], "distance": list(SIGHT)}}
-        spot = {"x": mark.x, "y": mark.y}
-        return Destination(_place(spot, "reachable", f"to see {printable(mark.name)}", (mark.x, mark.y)), target)
+        spot, name, target = {"x": mark.x, "y": mark.y}, printable(mark.name), _before(mark, problem)
+        if target is None:
+            words = f"blocked: there is no free place within {SIGHT[1]:g} m from which the robot sees {name}"
+            return Destination(_place(spot, "blocked", words, None), None)
+        own = dict(zip(model.space.names, target, strict=True))
+        return Destination(_place(spot, "reachable", f"to see {name}", (own["x"], own["y"])), target)
     x, y = float(goal["x"]), float(goal["y"])
     if model.collision(world).states_free(_states(problem, x, y, HEADINGS)).any():
         return Destination(_place(goal, "reachable", "reachable", (x, y)), _state(problem, x, y))
@@ -115,6 +119,25 @@ def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]
         return Destination(_place(goal, "blocked", f"blocked by {reason}", None), None)
     words = f"blocked by {reason}; {NEAREST.format(away)}"
     return Destination(_place(goal, "nearest", words, near), _state(problem, *near))
+
+
+def _before(mark: Landmark, problem: Problem) -> tuple[Any, ...] | None:
+    """Return the free state, some steps before a landmark and turned to it, to which no obstacle hides it; or None."""
+    away, side = (a.ravel() for a in np.meshgrid(np.linspace(*SIGHT, 6), np.arange(24) * np.pi / 12))
+    turned = np.abs(wrap(side - (0.0 if mark.facing is None else mark.facing)))
+    x, y = mark.x + away * np.cos(side), mark.y + away * np.sin(side)
+    columns = {n: np.full(len(x), v) for n, v in zip(problem.model.space.names, problem.start, strict=True)}
+    states = States(**columns | {"x": x, "y": y, "yaw": wrap(side + np.pi)})
+    free = problem.model.collision(problem.world).states_free(states)
+    if mark.facing is not None:
+        free &= turned < np.pi / 3
+    high = shapely.union_all([o.polygon for o in problem.world.obstacles if o.z_max >= mark.z])
+    near = np.stack([mark.x + 0.2 * np.cos(side), mark.y + 0.2 * np.sin(side)], axis=1)
+    free &= ~shapely.intersects(shapely.linestrings(np.stack([np.stack([x, y], axis=1), near], axis=1)), high)
+    if not free.any():
+        return None
+    best = int(np.argmin(np.where(free, np.abs(away - np.mean(SIGHT)) + 0.2 * turned, np.inf)))
+    return tuple(problem.model.space.values(states.take(slice(best, best + 1))))
 
 
 def _stop(stop: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> dict[str, Any]:

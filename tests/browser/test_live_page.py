@@ -195,6 +195,7 @@ def test_a_point_of_the_floor_and_a_landmark_are_chosen_in_the_view_and_obstacle
         guest.page.mouse.click(*guest.in_view(5.9, 1.5, 1.3 - EYE))
         guest.until(lambda: len(guest.asked("destination")) == 2)
         assert guest.asked("destination")[1] == {"type": "destination", "landmark": "clock"}
+        expect(guest.page.locator("#place")).to_contain_text("To see clock")
 
 
 def test_the_keyboard_alone_chooses_takes_pushes_asks_stops_and_plans_a_tour(tmp_path: Path, enter: Enter) -> None:

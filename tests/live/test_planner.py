@@ -49,6 +49,21 @@ def test_a_blocked_place_leads_to_the_nearest_free_one(planner: LivePlanner) -> 
     assert (outside["status"], outside["goal"]) == ("blocked", None)
 
 
+def test_before_a_landmark_the_robot_ends_some_steps_away_turned_to_it(tmp_path: Path) -> None:
+    file = tmp_path / "seen.yaml"
+    scenario = TWO_WALLS.replace("step: 0.25", "step: 0.5")
+    file.write_text(f"{scenario}landmarks: [{{x: 4.0, y: 2.5, z: 1.0, facing: 90 deg, name: clock}}]\n")
+    planner = LivePlanner(load_scenario(file))
+    options = of(planner.destination(0.0, START, {"landmark": "clock"}), "options")
+    assert options["all"]
+    assert planner.offer is not None
+    for way in planner.offer.ways.trajectories:
+        x, y, yaw = (float(getattr(way.states, name)[-1]) for name in ("x", "y", "yaw"))
+        assert 0.8 <= math.dist((x, y), (4.0, 2.5)) <= 2.5
+        assert y > 2.5  # on the side to which it faces
+        assert abs(math.remainder(math.atan2(2.5 - y, 4.0 - x) - yaw, math.tau)) < 1e-6
+
+
 def test_a_closed_area_across_all_ways_blocks_the_destination(planner: LivePlanner) -> None:
     list(planner.close(0.0, START, [[3.0, 0.0], [3.5, 0.0], [3.5, 5.0], [3.0, 5.0]], "the tour"))
     told = list(planner.destination(0.1, START, {"x": 6.0, "y": 4.0}))
