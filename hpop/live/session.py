@@ -33,6 +33,8 @@ LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
 ANNOUNCED = 3.0
 """Time, s, before a turn at which it is announced."""
+SAME_TURN = 1.5
+"""Time, s, between the begins of two turns to one side, up to which they count as one that is announced once."""
 RENEWED, RENEWED_BEFORE = 0.4, 0.2
 """Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
 RESTS = 4.0
@@ -89,6 +91,7 @@ class LiveSession(Audience):
         self._pushed_at = 0.0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
         self._has_arrived, self._announced = True, 0
+        self._last_turn = (-math.inf, 0.0)  # time of the session at which it begins, s, and its angle, rad
 
     # Time
 
@@ -321,7 +324,7 @@ class LiveSession(Audience):
             return "stopped"
         if not self.planner.is_ready:
             return "the planner is being started"
-        return "a person is in the way" if self._is_in_the_way() else ""
+        return "a person is in the way" if not self._has_arrived and self._is_in_the_way() else ""
 
     def _is_in_the_way(self) -> bool:
         """Return whether the robot would come too near to a person, as they walk now, before it could stand.
@@ -347,6 +350,10 @@ class LiveSession(Audience):
             wait = turn.begin - self.robot.clock
             if i >= self._announced and 0.0 <= wait <= ANNOUNCED and not self.robot.stands:
                 self._announced = i + 1
+                begins, before = self.now + wait, self._last_turn
+                self._last_turn = (begins, turn.angle)
+                if abs(begins - before[0]) < SAME_TURN and turn.angle * before[1] > 0:
+                    return  # the plan has changed since, but not this turn
                 side = "left" if turn.angle > 0 else "right"
                 degrees = round(abs(math.degrees(turn.angle)))
                 self.tell({"type": "turn", "in": round(wait, 2), "direction": side, "degrees": degrees})
