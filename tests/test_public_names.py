@@ -67,6 +67,7 @@ hpop.goals.Region
 hpop.goals.ToolAt
 hpop.goals.goal
 hpop.history.History
+hpop.live.record.read_record
 hpop.math.hypot
 hpop.math.smooth_abs
 hpop.models.DifferentialDrive
