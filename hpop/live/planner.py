@@ -174,13 +174,13 @@ class LivePlanner:
 
         asked  value of the offer that the viewer saw, if a newer one may be under way to the page
         """
-        offer = next((offer for at, offer in self.offers if at == asked), self.offer)
+        offer = self.offer if asked is None else next((offer for at, offer in self.offers if at == asked), None)
         if offer is None or not 0 <= option < len(offer.ways.trajectories):
             many = 0 if offer is None else len(offer.ways.trajectories)
-            yield {
-                "type": "refused",
-                "words": f"there are {many} ways to take, got number {option}; ask for ways first",
-            }
+            words = f"there are {many} ways to take, got number {option}; ask for ways first"
+            if offer is None and asked is not None:
+                words = "these ways are not offered any more; choose again"
+            yield {"type": "refused", "words": words}
             return
         self._see(now, pose)
         chosen = offer.ways.trajectories[option]
@@ -361,11 +361,12 @@ class LivePlanner:
         else:
             yield self._told(offer, now)
 
-    def arrived(self, now: float, pose: Pose) -> Iterator[Message]:
-        """End the drive: the robot is at its destination."""
-        self.drive = self.prefix = None
-        if self.goal is None:
-            self.offer = None
+    def arrived(self, now: float, pose: Pose, there: bool = True) -> Iterator[Message]:
+        """End the drive: the robot is at its destination, unless it has been given another plan meanwhile."""
+        if there:
+            self.drive = self.prefix = None
+            if self.goal is None:
+                self.offer = None
         yield from ()
 
     # The drive

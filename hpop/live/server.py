@@ -65,13 +65,15 @@ class LiveServer(PageServer):
 
     @asynccontextmanager
     async def alongside(self) -> AsyncIterator[None]:
-        """Run the session while the server serves."""
+        """Run the session while the server serves; if the session fails, the server ends and raises its error."""
         task = asyncio.create_task(self.session.run())
+        task.add_done_callback(lambda _: self.ends())
         try:
             yield
         finally:
             task.cancel()
-            await asyncio.gather(task, return_exceptions=True)
+            with suppress(asyncio.CancelledError):
+                await task
 
     def _page(self, request: Request) -> Response:
         token = request.scope["token"]

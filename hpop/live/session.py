@@ -83,6 +83,7 @@ class LiveSession(Audience):
         self.people: list[Walking] = []
         self.settings = dict(SETTINGS)
         self.stopped = False
+        self._starts = False  # whether a stopped robot drives on once it has the way that was chosen
         self.braked = ""  # why the robot brakes
         self._plan: int | None = None  # number of the present plan among the ways
         self._goal: dict[str, Any] | None = None
@@ -123,7 +124,7 @@ class LiveSession(Audience):
         if self.robot.arrived and not self._has_arrived:
             self._has_arrived, self._goal = True, None
             self.tell({"type": "arrived"})
-            self._ask("arrived")
+            self._ask("arrived", there=lambda: self._has_arrived)
         self._announce()
         if now >= self._next["state"]:
             self._next["state"] = max(self._next["state"] + STATE, now - STATE)
@@ -170,7 +171,7 @@ class LiveSession(Audience):
         able = (v for v in self.viewers if v.wants and v.may_drive and v is not self.driver and now - v.alive <= SILENT)
         if (following := next(able, None)) is None:
             return
-        before, self.driver = self.driver, following
+        before, self.driver, self._starts = self.driver, following, False
         self.stopped = not self._has_arrived  # the new driver lets it drive on
         self._log("drives", following, {})
         for viewer in (before, following):
@@ -213,7 +214,7 @@ class LiveSession(Audience):
         """Do what the driver asks for."""
         match kind:
             case "stop":
-                self.stopped = True
+                self.stopped, self._starts = True, False
             case "go":
                 self.stopped = False
             case "setting":
@@ -224,11 +225,12 @@ class LiveSession(Audience):
                 self._see_people(now, wanted=True)
                 self._ask("destination", goal=values)
             case "take":
-                self.stopped = False
-                self._ask("take", **values)
+                self._starts = True
+                seen = self.newest.get("options", {}).get("asked")
+                self._ask("take", **{"asked": seen, **values})
             case "push":
-                self._pushed_at = now
-                self._ask("push", direction=values["direction"])
+                self._pushed_at, heading = now, self.robot.pose[2] + values["direction"]
+                self._ask("push", direction=lambda: heading - self.robot.pose[2])  # the robot may turn meanwhile
             case "wish":
                 self._ask("wish", wish=values["wish"])
             case "why":
@@ -259,7 +261,12 @@ class LiveSession(Audience):
             case "ready":
                 self._ready()
             case "crashed":
-                self.note("the planner has ended by itself and is started again; the robot brakes meanwhile")
+                self.stopped = self.stopped or not self._has_arrived  # the next planner does not know the plan
+                self._starts, self._told_people = False, ToldPeople()
+                self.note(
+                    "the planner has ended by itself and is started again; the robot stops, and what was asked last "
+                    "may be lost: look at what is closed, then choose a way"
+                )
             case "options":
                 self._plan = message["present"]
                 self.tell(message)
@@ -271,6 +278,8 @@ class LiveSession(Audience):
             case "taken":
                 if message["option"] is not None:
                     self._plan = message["option"]
+                if message["by"] == "choice" and self._starts:
+                    self.stopped = self._starts = False
                 self.tell(message)
                 self._ask("options")
                 self._ask("show")

@@ -20,6 +20,7 @@ MOST_MESSAGES, BURST = 60.0, 120.0
 MOST_REFUSALS = 3.0
 """Refusals a second that a viewer is sent."""
 MOST_VIEWERS = 32
+"""Viewers who may drive, and as many who may not, so that those cannot keep a driver out."""
 KEPT = ("place", "options", "taken")
 """Types of messages of which a viewer who comes later is sent the newest."""
 
@@ -100,7 +101,7 @@ class Audience:
 
     def join(self, *, may_drive: bool) -> Viewer | None:
         """Return a new viewer; None if there are too many."""
-        if len(self.viewers) >= MOST_VIEWERS:
+        if sum(viewer.may_drive == may_drive for viewer in self.viewers) >= MOST_VIEWERS:
             return None
         self._numbers += 1
         viewer = Viewer(self._numbers, may_drive=may_drive)
@@ -139,6 +140,8 @@ class Audience:
         else:
             if kind == "alive":
                 viewer.alive = now
+            elif kind == "hello" and viewer.greeted:  # the scene is large
+                viewer.refuse("hello was said already; connect anew for another role")
             elif kind == "hello":
                 viewer.greeted, viewer.wants, viewer.alive = True, values["role"] == "drive", now
                 self.greet(viewer)

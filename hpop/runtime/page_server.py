@@ -144,10 +144,14 @@ class PageServer:
 
     def shutdown(self) -> None:
         """End :meth:`serve_forever`, which runs in another thread, and wait for its end."""
-        self._ending.set()
-        if self._loop is not None and self._stop is not None:
-            self._loop.call_soon_threadsafe(self._stop.set)
+        self.ends()
         self._ended.wait()
+
+    def ends(self) -> None:
+        """Let :meth:`serve_forever` end soon."""
+        self._ending.set()
+        if self._loop is not None and self._stop is not None and not self._loop.is_closed():
+            self._loop.call_soon_threadsafe(self._stop.set)
 
     def server_close(self) -> None:
         """Release the port."""

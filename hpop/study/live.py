@@ -109,10 +109,13 @@ def _chosen(events: Sequence[Mapping[str, Any]]) -> Counter[str]:
 
 
 def _head_turning(events: Sequence[Mapping[str, Any]]) -> float:
-    """Return the mean turning of the heads of all viewers, degrees per second; NaN with fewer than two samples."""
+    """Return the mean turning of the heads of those who drive, degrees per second; NaN with fewer than two samples."""
     by_viewer: dict[int, list[list[float]]] = {}
+    driver = None
     for event in events:
-        if event["event"] == "head":
+        if event["event"] == "drives":
+            driver = event["viewer"]
+        elif event["event"] == "head" and event["viewer"] == driver:
             by_viewer.setdefault(event["viewer"], []).extend(event["samples"])
     turned = lasted = 0.0
     for samples in by_viewer.values():

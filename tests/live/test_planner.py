@@ -105,3 +105,14 @@ def brute(way: Trajectory, heading: float) -> float:
     """Mean angle between a heading and that of a way, at 0, 0.1, ..., 3 s."""
     yaws = [float(way.at(min(0.1 * i, way.duration)).yaw[0]) for i in range(31)]
     return sum(abs(math.remainder(yaw - heading, math.tau)) for yaw in yaws) / len(yaws)
+
+
+def test_ways_of_an_older_question_and_the_end_of_an_older_drive_change_nothing(planner: LivePlanner) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    told = list(planner.take(0.0, START, 0, asked=options["asked"] + 1.0))
+    assert [message["type"] for message in told] == ["refused"]
+    list(planner.take(0.0, START, 0, asked=options["asked"]))
+    list(planner.arrived(0.1, START, there=False))
+    assert planner.drive is not None
+    list(planner.arrived(0.2, START))
+    assert planner.drive is None

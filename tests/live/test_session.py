@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hpop.live.record import read_record
 from hpop.live.server import LiveServer
-from hpop.live.viewer import BURST
+from hpop.live.viewer import BURST, Audience
 from tests.live.conftest import Page
 
 
@@ -55,16 +55,54 @@ def test_a_page_chooses_takes_pushes_and_stops(server: LiveServer, page: Page) -
     assert page.until("why")["sentence"]
 
 
+def test_a_stopped_robot_drives_on_only_with_a_way_that_is_taken(server: LiveServer, page: Page) -> None:
+    page.until("scene")
+    driven(page)
+    page.say("stop")
+    page.until("state", lambda state: not state["moving"])
+    page.say("take", option=9999)
+    page.until("refused")
+    assert page.until("state")["braked"] == "stopped"
+    page.say("take", option=0, asked=-1)
+    assert "not offered any more" in page.until("refused")["words"]
+    page.say("destination", x=6.0, y=1.0)
+    page.say("take", option=page.until("options")["cards"][0]["option"])
+    page.until("taken")
+    page.until("state", lambda state: state["moving"])
+
+
+def test_a_second_hello_is_refused(page: Page) -> None:
+    page.until("scene")
+    page.say("hello", role="watch")
+    page.until("refused")
+    page.say("stop")
+    page.until("state", lambda state: state["braked"] == "stopped")
+    assert not any(message["type"] == "scene" for message in page.told[1:])
+
+
+def test_watchers_leave_room_for_a_driver_and_a_session_that_fails_ends_its_server() -> None:
+    class Fails(Audience):
+        async def run(self) -> None:
+            raise RuntimeError("disk full")
+
+    session = Fails({"title": ""})
+    while session.join(may_drive=False):
+        pass
+    assert session.join(may_drive=True)
+    with LiveServer(session) as server, pytest.raises(RuntimeError, match="disk full"):
+        server.serve_forever()
+
+
 @pytest.mark.proof
 def test_a_crash_of_the_planner_is_told_and_the_drive_can_go_on(server: LiveServer, page: Page) -> None:
     page.until("scene")
     driven(page)
     page.say("close", corners=[[6.5, 0.2], [6.8, 0.2], [6.8, 0.5]], name="a corner")
     page.until("closed", lambda message: message["names"] == ["a corner"])
-    page.say("stop")
-    first = page.until("state", lambda state: not state["moving"])
     os.kill(server.session.planner.pid or 0, signal.SIGKILL)
     page.until("note", lambda message: "is started again" in message["words"])
+    page.until("state", lambda state: state["braked"] == "stopped")
+    first = page.until("state", lambda state: not state["moving"])
     page.say("go")
     still = page.until("state", lambda state: state["braked"] == "the planner is being started")
     assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)

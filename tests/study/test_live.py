@@ -34,6 +34,7 @@ def state(t: float, x: float, y: float, *, moving: bool) -> dict[str, Any]:
 # A viewer chooses twice, is followed by one of two pushes, and looks a quarter to the left and back within 2 s.
 EVENTS = [
     event(0.0, "session", schema="hpop-live-record", version=1, scenario="rooms/visit.yaml"),
+    event(0.5, "drives", viewer=1),
     event(1.0, "destination", viewer=1, x=3.0, y=4.0),
     told(1.5, "options", cards=CARDS, all=[{}, {}, {}]),
     event(2.0, "take", viewer=1, option=2),
@@ -53,6 +54,7 @@ EVENTS = [
     event(7.0, "why", viewer=1, x=1.0, y=1.0),
     event(7.5, "head", viewer=1, samples=[[7000, 3.0, 0.0], [8000, 3.0 + math.pi / 2 - math.tau, 0.0]]),
     event(8.5, "head", viewer=1, samples=[[9000, 3.0, 0.1]]),
+    event(8.6, "head", viewer=2, samples=[[7000, 0.0, 0.0], [8000, 3.0, 0.0]]),  # watches
     event(9.0, "stop", viewer=1),
     event(10.0, "end"),
 ]
