@@ -30,7 +30,7 @@ All criteria are minimised and at least 0. The small tables say for each:
 
 - *adds up by*: how the costs of motions become that of a trajectory. `sum`; `time-mean`, the sum divided by the
   duration; `max`, the worst moment; `trajectory`, computed with memory of the past.
-- *requires*: what the robot or the world must have.
+- *requires*: what the robot or the world must have in any case; alternatives are named in the text.
 - *smooth*: "yes" if the criterion has a gradient.
 - *quantum*: the smallest difference that counts, in the unit.
 

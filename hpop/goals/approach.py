@@ -269,7 +269,7 @@ class _Line:
         return cls(approach, frame, _columns(way, size))
 
     def frames(self, lines: IntArray, before: float) -> FloatArray:
-        """Return position and axes (L, 9) of the body on some lines, ``before`` m from their ends."""
+        """Return position, axis ahead and axis left (L, 9) of the body on some lines, ``before`` m from their ends."""
         frames = self.frame[lines].copy()
         frames[:, :3] -= before * self.along[lines]
         return frames

@@ -158,7 +158,7 @@ class CostScale:
         return list(enumerate(self.names))
 
     def _range_shares(self, costs: FloatArray) -> FloatArray:
-        """Return costs (n, k) as shares of their ranges; 0 for constant costs."""
+        """Scale costs (n, k): `ideal` becomes 0, `ideal` + `span` becomes 1, and constant costs become 0."""
         varies = self.span > 0
         shares = (costs - self.ideal) / np.where(varies, self.span, 1.0)
         return np.asarray(np.where(varies, shares, 0.0))

@@ -38,7 +38,7 @@ class Coordinates(Protocol):
     """Coordinates (c,) of a robot along a path, and the law that can drive any speed profile along it."""
 
     def kind(self, executed: str) -> str:
-        """Return the kind of law with free speed that replaces an executed kind of motion."""
+        """Return the kind of the law that replaces an executed kind of motion, and drives it at any speed profile."""
 
     @property
     def unit(self) -> FloatArray:
@@ -206,7 +206,7 @@ def coordinates_of(model: Model) -> Coordinates:
 class PathStretch:
     """Part of a path between two standstills, on a grid of n + 1 positions.
 
-    kind           kind of the law with free speed
+    kind           kind of the motion law that drives the stretch at any speed profile, such as "drive" or "spline"
     steps          (n,)           differences of the path coordinate s, all positive
     states         (n+1,)         states of the model
     slopes         (n+1, c)       dq/ds
