@@ -157,16 +157,19 @@ def test_a_viewer_chooses_on_the_map_takes_a_way_and_arrives_while_another_watch
         (asked,) = guest.asked("destination")
         assert math.dist((asked["x"], asked["y"]), (2.0, 2.0)) < 0.05
         expect(guest.page.locator("#place")).to_contain_text("Reachable")
-        cards = guest.of("options")[-1]["cards"]
+        options = guest.of("options")[-1]
+        cards = options["cards"]
         expect(guest.page.locator(".card:visible")).to_have_count(len(cards))
         for button, card in zip(guest.page.locator(".card:visible").all(), cards, strict=True):
             assert card["words"] in button.inner_text()
         guest.page.keyboard.press("1")
+        guest.until(lambda: bool(guest.asked("take")))
+        assert guest.asked("take")[0]["asked"] == options["asked"]
         guest.until(lambda: bool(guest.of("arrived")))
         last = guest.of("state")[-1]
         assert math.dist((last["x"], last["y"]), (2.0, 2.0)) < 0.1
         expect(guest.page.locator("#said")).to_contain_text("Arrived")
-        assert watcher.of("arrived")
+        watcher.until(lambda: bool(watcher.of("arrived")))
         assert {message["type"] for message in watcher.sent} == {"hello", "alive"}
         expect(watcher.page.locator("#bar")).to_contain_text("Watching")
         watcher.page.locator("#map").click()

@@ -71,6 +71,8 @@ export interface Card extends Option {
 }
 
 export interface Options {
+  /** When the ways were asked for, s: told when one of them is taken, since newer ways may be under way. */
+  readonly asked: number;
   readonly cards: readonly Card[];
   readonly all: readonly Option[];
   /** Number of the way that is driven now; null if it is none of these. */
@@ -195,7 +197,7 @@ export function optionsOf(message: Message): Options {
   };
   const cards = list(message["cards"]).map((one) => ({ ...option(one), name: words(record(one)["name"]), words: words(record(one)["words"]) }));
   const all = list(message["all"]).map(option);
-  return { cards, all: all.length > 0 ? all : cards, present: index(message["present"]), certificate: words(message["certificate"]) };
+  return { asked: number(message["asked"]), cards, all: all.length > 0 ? all : cards, present: index(message["present"]), certificate: words(message["certificate"]) };
 }
 
 export function whyOf(message: Message): Why {

@@ -65,7 +65,7 @@ export class Page {
     const named = landmarks.filter(({ name }) => name !== "").map(({ name, x, y }): [string, Point] => [name, [x, y]]);
     this.destination = new Destination(new Map(named), { send, changed });
     this.ways = new Ways(scene.criteria, this.drives, {
-      take: (option) => { this.send({ type: "take", option }); },
+      take: (option, asked) => { this.send({ type: "take", option, asked }); },
       wish: (wish) => { this.send({ type: "wish", wish }); },
       picked: changed,
     });

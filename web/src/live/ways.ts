@@ -13,7 +13,7 @@ const NAMES: Readonly<Record<string, string>> = {
 const WISHES: readonly (readonly [string, string])[] = [["fewer turns", "Fewer turns"], ["hurry", "Hurry"]];
 
 export interface WaysUser {
-  take(option: number): void;
+  take(option: number, asked: number): void;
   wish(wish: string): void;
   /** The way that the sliders picked has changed. */
   picked(): void;
@@ -31,7 +31,7 @@ interface Slider {
 export class Ways {
   readonly cardsRoot = element("section");
   readonly slidersRoot = element("section");
-  options: Options = { cards: [], all: [], present: null, certificate: "" };
+  options: Options = { asked: 0, cards: [], all: [], present: null, certificate: "" };
   /** The way that the sliders picked, if one moved them. */
   pick: Option | null = null;
   /** Card on which the pointer or the focus is. */
@@ -59,7 +59,7 @@ export class Ways {
     this.wishes.hidden = true;
     this.cardsRoot.append(element("h2", "", "Ways to get there"), this.count, this.list, this.wishes);
     this.takePick = button("Take this way", "Drive the way that the sliders picked", () => {
-      if (this.pick !== null) user.take(this.pick.option);
+      if (this.pick !== null) user.take(this.pick.option, this.options.asked);
     });
     this.slidersRoot.id = "sliders";
     this.slidersRoot.append(
@@ -113,7 +113,7 @@ export class Ways {
   }
 
   clear(words: string): void {
-    this.show({ cards: [], all: [], present: null, certificate: "" });
+    this.show({ asked: 0, cards: [], all: [], present: null, certificate: "" });
     this.count.textContent = words;
   }
 
@@ -124,7 +124,7 @@ export class Ways {
 
   takeCard(i: number): boolean {
     const card = this.options.cards[i];
-    if (card !== undefined) this.user.take(card.option);
+    if (card !== undefined) this.user.take(card.option, this.options.asked);
     return card !== undefined;
   }
 
