@@ -38,14 +38,20 @@ KINDS = (
 
 
 def answers(planner: Any, request: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the messages that answer a request; errors of hpop become the message "refused"."""
+    """Yield the messages that answer a request.
+
+    Errors of hpop become the message "refused". The last one is "lost" if the robot has left its plan.
+    """
     values = {name: value for name, value in request.items() if name not in ("id", "kind")}
     if request["kind"] not in KINDS:
         raise ValueError(request["kind"])
+    driven = planner.drive is not None
     try:
         yield from getattr(planner, request["kind"])(**values)
     except HpopError as error:
         yield {"type": "refused", "words": printable(str(error))}
+    if driven and planner.drive is None and request["kind"] != "arrived":
+        yield {"type": "lost"}
 
 
 def main(scenario: str, imports: Sequence[str]) -> None:

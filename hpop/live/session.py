@@ -267,6 +267,9 @@ class LiveSession(Audience):
                     "the planner has ended by itself and is started again; the robot stops, and what was asked last "
                     "may be lost: look at what is closed, then choose a way"
                 )
+            case "lost":
+                self.stopped = True  # closed areas would not be avoided any more
+                self.note("the robot has left its plan and stops; choose a destination anew")
             case "options":
                 self._plan = message["present"]
                 self.tell(message)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hpop.cli.live_planner import answers
 from hpop.live.planner import LivePlanner
 from hpop.scenario import load_scenario
 from hpop.trajectories.trajectory import Trajectory
@@ -116,3 +117,12 @@ def test_ways_of_an_older_question_and_the_end_of_an_older_drive_change_nothing(
     assert planner.drive is not None
     list(planner.arrived(0.2, START))
     assert planner.drive is None
+
+
+def test_a_robot_that_has_left_its_plan_is_told_to_stop(planner: LivePlanner) -> None:
+    list(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}))
+    list(planner.take(0.0, START, 0))
+    corners = [[6.5, 0.2], [6.8, 0.2], [6.8, 0.5]]
+    for pose, lost in ((START, False), ((60.0, 4.5, 0.0), True)):
+        told = answers(planner, {"kind": "close", "now": 0.2, "pose": pose, "area": corners, "name": f"area {lost}"})
+        assert ("lost" in [message["type"] for message in told]) == lost
