@@ -132,6 +132,7 @@ def test_without_the_plugin_its_names_are_unknown(hpop, plan):
     assert "unknown criterion 'oblique'" in done.stderr
 
 
+@pytest.mark.proof
 def test_its_robot_with_joints_is_planned_for_on_a_lattice(hpop, fresh, tmp_path):
     shutil.copy(PLUGIN / "tracked.yaml", tmp_path)
     shutil.copy(PLUGIN / "plan.txt", tmp_path)

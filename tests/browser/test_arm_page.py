@@ -144,6 +144,7 @@ def page(opened_once: Open, tmp_path_factory: pytest.TempPathFactory) -> Page:
     return shown(opened_once, problem, tmp_path_factory.mktemp("arm"))
 
 
+@pytest.mark.proof
 def test_buttons_and_keys_go_to_start_and_goals(page: Page) -> None:
     arm = arm6()
     page.keyboard.press("s")
@@ -194,6 +195,7 @@ def test_a_collision_is_named_and_its_name_is_no_markup(page: Page) -> None:
     assert "joint base_to_shoulder is beyond its limits" in page.locator("#verdict").inner_text()
 
 
+@pytest.mark.proof
 def test_it_fits_a_phone(opened: Open, tmp_path: Path) -> None:
     phone = shown(opened, arm6(), tmp_path, size=(390, 844), has_touch=True)
     assert phone.evaluate("document.documentElement.scrollWidth") == 390

@@ -89,6 +89,7 @@ def test_values_that_are_equal_lie_in_the_middle_and_reported_axes_are_dashed(op
     assert explored.state(page, "s.hovered") == []
 
 
+@pytest.mark.proof
 def test_names_of_markup_stay_names(opened: Opened, tmp_path: Path) -> None:
     front = seeded.front(20, 3)
     front = replace(

@@ -140,6 +140,7 @@ def test_keep_exclude_back_and_forward(page: Page, front: hpop.Front) -> None:
     assert counted(page) == len(front)
 
 
+@pytest.mark.proof
 def test_a_link_restores_what_was_chosen(page: Page, front: hpop.Front) -> None:
     brush(page, "length", 0.1, 0.8)
     page.keyboard.press("k")

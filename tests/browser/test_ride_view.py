@@ -87,6 +87,7 @@ def test_it_shows_the_same_things_as_pictures_all_round(
         assert np.mean(solid) > 0.2  # or next to nothing would be compared
 
 
+@pytest.mark.proof
 def test_an_arms_camera_turns_in_all_directions_and_its_links_go_with_it(opened: Open, tmp_path: Path) -> None:
     arm = hpop.SerialArm.from_urdf(ARM / "arm6.urdf", srdf=ARM / "arm6.srdf", tip="tool", acceleration=6.0)
     world = hpop.World.from_polygons([(shapely.box(0.6, -0.4, 0.9, 0.4), (0.0, 0.5))], extent=shapely.box(-2, -2, 2, 2))

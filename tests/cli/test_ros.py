@@ -102,6 +102,7 @@ def test_a_start_that_is_blocked_is_told_at_once(
     refused(run("ros", room / "room.yaml", "--url", "ws://localhost:9090"), 5, "start")
 
 
+@pytest.mark.usefixtures("registered_as_before")
 def test_ctrl_c_while_the_scenario_is_planned_ends_it(run: Run, room: Path, write: Callable[..., None]) -> None:
     (room / "pressed.py").write_text(PRESSED)
     write(room, ("lattice: {step: 0.5}", "- lattice: {step: 0.5}\n  - pressed: {}"))

@@ -160,6 +160,7 @@ def test_a_base_stands_while_its_arm_approaches():
     assert verify(hpop.Problem.from_description(profiles.problem), profiles) == []
 
 
+@pytest.mark.proof
 @pytest.mark.cases("limited jerk")
 @pytest.mark.parametrize("jerk", [None, 40.0], ids=["any jerk", "limited jerk"])
 def test_a_speed_profile_and_a_pause_leave_the_approach_straight(jerk):

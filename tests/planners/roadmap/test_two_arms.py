@@ -107,7 +107,7 @@ ENDS = {"anywhere": Anywhere(), "ready": "ready", "either": ["ready", HOME]}
 @pytest.mark.parametrize(
     ("seed", "goal", "near", "samples"),
     [
-        (1, "anywhere", 0.6, 7),
+        pytest.param(1, "anywhere", 0.6, 7, marks=pytest.mark.proof),
         pytest.param(1, "anywhere", 0.4, 7, marks=pytest.mark.proof),
         pytest.param(0, "ready", 0.6, 12, marks=pytest.mark.proof),
         pytest.param(3, "either", 0.4, 12, marks=pytest.mark.proof),
