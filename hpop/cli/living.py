@@ -86,7 +86,12 @@ def server_of(
     name: str = "",
     **options: Any,
 ) -> LiveServer:
-    """Return the server of a live session, whose record is a new file in ``out``, called ``name`` or after the time."""
+    """Return the server of a live session, and create its record: a new file in the folder ``out``.
+
+    name       of the record; default: one from the present time
+    simulator  options of :class:`hpop.live.simulator.SimulatorOptions`
+    options    arguments of :class:`.LiveServer`
+    """
     from hpop.live.process import PlannerProcess
     from hpop.live.record import Record
     from hpop.live.scene import scene_of

@@ -21,7 +21,7 @@ from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 
 AHEAD = 3.0
-"""Time, s, from the commit on, in which the heading of a way is compared with a push."""
+"""Time, s, from the beginning of a way on, in which its heading is compared with a push."""
 SAMPLED = 0.1
 """Time between the compared headings, s."""
 FOLLOWED = math.radians(30.0)
@@ -37,12 +37,12 @@ MOST_PHRASES = 2
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """Trajectories to choose from, and their front; the present plan may be the last one, after the front's points.
+    """Trajectories to choose from: the points of a front and perhaps, as the last one, the present plan.
 
     trajectories  (n,)
     costs         (n, k)  as re-evaluated for the front
-    front         names, units and groups of the costs
-    present       index of the present plan; None if there is none
+    front         front of the trajectories, with names, units and groups of the costs
+    present       index of the rest of the present plan among the trajectories; None if it is none of them
     """
 
     trajectories: tuple[Trajectory, ...]
@@ -62,7 +62,7 @@ class Ways:
 
 
 def line_of(trajectory: Trajectory) -> list[list[float]]:
-    """Return the corners of a path, m, without points on straight stretches between them."""
+    """Return the corners (x, y), m, of a trajectory's path; points on straight stretches between them are left out."""
     points = np.stack([trajectory.states.x, trajectory.states.y], axis=1)
     points = points[np.append(True, np.hypot(*np.diff(points, axis=0).T) > 1e-6)]
     if len(points) > 2:
@@ -88,7 +88,10 @@ def described(ways: Ways) -> list[dict[str, Any]]:
 
 
 def cards(ways: Ways, preference: Preferring | None = None) -> list[dict[str, Any]]:
-    """Return three to five ways as JSON, each with a name and words; fewer if there are fewer ways."""
+    """Return up to five ways as JSON, each with a name and words: "knee", "gentlest", "quickest", and so on.
+
+    A way that has several of these names is returned once, with the first.
+    """
     if not ways.trajectories:
         return []
     quickest = int(np.argmin(ways.durations))
@@ -125,9 +128,9 @@ def gentlest(ways: Ways) -> int:
 
 
 def most_different(ways: Ways, shown: Sequence[int]) -> int | None:
-    """Return the index of the way whose path is farthest from those that are shown; None if all are shown.
+    """Return the index of the way whose path is farthest from the nearest of the ``shown`` ways; None if all are shown.
 
-    The distance of two paths is the mean distance of points that are as far along each path, as a share of its length.
+    The distance of two paths is the mean distance of their points at equal shares of their lengths.
     """
     if len(shown) == len(ways.trajectories):
         return None
@@ -138,7 +141,7 @@ def most_different(ways: Ways, shown: Sequence[int]) -> int | None:
 
 
 def _evenly(trajectory: Trajectory) -> FloatArray:
-    """Return points (COMPARED, 2), m, evenly along a path."""
+    """Return points (COMPARED, 2), m, at equal distances along a path, from its first to its last point."""
     x, y = trajectory.states.x, trajectory.states.y
     along = np.append(0.0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
     at = np.linspace(0.0, along[-1], COMPARED)
@@ -146,7 +149,10 @@ def _evenly(trajectory: Trajectory) -> FloatArray:
 
 
 def words(ways: Ways, row: int, quickest: int) -> str:
-    """Return what a viewer should know of a way, relative to the quickest: "1.2 times as long, no turns"."""
+    """Return a way in words, relative to the quickest: "1.2 times as long, no turns", where "long" is its duration.
+
+    row, quickest  indices of the way and of the quickest way, whose words are "25 s, no turns"
+    """
     count = turns_of(ways.trajectories[row])
     turns = "no turns" if not count else "1 turn" if count == 1 else f"{count} turns"
     durations = ways.durations
@@ -171,9 +177,9 @@ def _label(name: str) -> str:
 class Pushed(NamedTuple):
     """The way nearest to a push.
 
-    row       its index
-    follows   whether it follows the push: it is nearer to it than the present plan, or the plan itself follows it
-    gap       mean angle between its heading and the push, rad
+    row       index of the way
+    follows   whether it follows the push: always, unless it is the present plan and ``gap`` is above `FOLLOWED`
+    gap       mean angle between the way's heading and the push, rad
     """
 
     row: int
@@ -182,9 +188,10 @@ class Pushed(NamedTuple):
 
 
 def push_gap(trajectory: Trajectory, heading: float) -> tuple[float, float]:
-    """Return how far a way is from a push: the mean angle, rad, and less the distance, m, that it gains there.
+    """Return by what ways are compared with a push, least first: a mean angle, rad, and minus a distance, m.
 
-    The angle is between the robot's heading and the pushed ``heading``, both in the world, over `AHEAD` s.
+    The angle is between the robot's heading and the pushed ``heading``, both in the world, over `AHEAD` s. The distance
+    is the one by which the robot advances in the pushed direction in that time.
     """
     states = trajectory.at(np.minimum(np.arange(0.0, AHEAD + 1e-9, SAMPLED), trajectory.duration))
     yaw: FloatArray = states.yaw
@@ -194,7 +201,7 @@ def push_gap(trajectory: Trajectory, heading: float) -> tuple[float, float]:
 
 
 def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
-    """Return the gap of each way to a push; ways that begin with the same motions are compared once."""
+    """Return :func:`push_gap` of each way; ways that begin with the same motions are compared once."""
     table, gaps, known = ways.table, list[tuple[float, float]](), dict[tuple[int, ...], tuple[float, float]]()
     begins = (np.cumsum(table.counts) - table.counts).tolist()
     for trajectory, begin, count in zip(ways.trajectories, begins, table.counts.tolist(), strict=True):
@@ -208,7 +215,7 @@ def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
 
 
 def nearest_to_push(ways: Ways, heading: float) -> Pushed:
-    """Return the way that lies nearest to a push with a ``heading``, rad, in the world."""
+    """Return the way nearest to a push with a ``heading``, rad, in the world; of equals, the present plan."""
     gaps = push_gaps(ways, heading)
     row = min(range(len(gaps)), key=gaps.__getitem__)
     if ways.present is None:
@@ -220,7 +227,7 @@ def nearest_to_push(ways: Ways, heading: float) -> Pushed:
 
 
 def first_turn(trajectory: Trajectory) -> str:
-    """Return the first turn of a way in words: "turns left by 45 degrees in 1.2 s"; "goes straight on" without any."""
+    """Return the first turn of a way in words: "turns left by 45 degrees after 1.2 s", or "goes straight on"."""
     yaw = trajectory.model.space.names.index("yaw")
     for motion in perceived_motions(trajectory):
         if motion.kind == "turn":

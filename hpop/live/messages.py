@@ -20,14 +20,14 @@ Check = Callable[[Any], Any]
 
 
 def number(value: Any) -> float:
-    """Return a finite number, such as a time in ms; ValueError for anything else."""
+    """Return a number of at most `LATEST`, such as a time in ms; ValueError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) <= LATEST:
         raise ValueError("a number")
     return float(value)
 
 
 def real(value: Any) -> float:
-    """Return a number that may be a coordinate in m; ValueError for anything else."""
+    """Return a number of at most `FARTHEST`, such as a coordinate in m; ValueError for anything else."""
     if abs(number(value)) > FARTHEST:
         raise ValueError(f"a number up to {FARTHEST:,.0f}")
     return float(value)

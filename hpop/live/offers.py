@@ -27,10 +27,10 @@ class Offer:
     ways     the ways, and their front
     time     s, time of the session at which they begin
     place    (x, y) where they begin, m
-    status, certificate, gap  what is claimed of them
-    before   the plan up to there, from its beginning; None if the robot stands
-    problem  of a new destination; None for ways of the present drive
-    options  of the present drive; None for a new destination
+    status, certificate, gap  of the search that found them: what is proved of the ways
+    before   the present plan from its beginning to ``place``; None if the robot stands
+    problem  planning problem of a new destination; None for ways of the present drive
+    options  options of the present drive; None for a new destination
     """
 
     ways: Ways
@@ -44,7 +44,7 @@ class Offer:
     options: Options | None = None
 
     def message(self, now: float, preference: Any) -> dict[str, Any]:
-        """Return the message "options"."""
+        """Return the message "options", which shows the ways to viewers; ``now`` is the time of the session, s."""
         return {
             "type": "options",
             "asked": now,
@@ -59,15 +59,19 @@ class Offer:
 
 
 def plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives: bool = True) -> dict[str, Any]:
-    """Return a plan for the robot; ``elapsed`` is the time of the plan, s, at the time ``now`` of the session."""
+    """Return the message "plan" for the robot, which follows the trajectory.
+
+    elapsed  s, time of the plan at the time ``now`` of the session, s
+    arrives  whether the plan leads to the destination
+    """
     told = {"now": now, "elapsed": elapsed, "arrives": arrives}
     return {"type": "plan", **told, "trajectory": trajectory.describe(), "line": line_of(trajectory)}
 
 
 def bare_problem(problem: Problem) -> Problem:
-    """Return a problem without tour and, unless a criterion needs them, without people, who are told as they are seen.
+    """Return a problem without its tour and its people; a session adds the people that are seen.
 
-    People who are needed are predicted for `HORIZON` s at most.
+    If a criterion needs people, they stay, and are predicted for `HORIZON` s at most.
     """
     content = problem.world.content
     try:
@@ -78,7 +82,7 @@ def bare_problem(problem: Problem) -> Problem:
 
 
 def apart(chosen: Trajectory, other: Trajectory) -> float:
-    """Return the mean distance, m, of the corners of a path from the chosen path, which may begin earlier."""
+    """Return the mean distance, m, of the corners of the path of ``other`` from the path of ``chosen``."""
     path = shapely.LineString([*line_of(chosen), line_of(chosen)[-1]])
     points = shapely.points(np.array(line_of(other)))
     return float(shapely.distance(path, points).mean())

@@ -51,7 +51,7 @@ class Destination(NamedTuple):
 def destination_of(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> Destination:
     """Check a destination: {x, y}, {landmark}, or {stops} with several of these; the last stop is the goal.
 
-    problem  gives the present world, and the state variables other than x, y and yaw
+    problem  gives the present world; its start gives the state variables other than x, y and yaw
     closed   closed areas, which are named if they are in the way
     """
     try:
@@ -65,7 +65,10 @@ def destination_of(goal: Mapping[str, Any], problem: Problem, closed: Sequence[C
 
 
 def on_graph(found: Destination, graph: StateGraph | None, problem: Problem) -> Destination:
-    """Return a destination of any heading moved to the nearest free state of a graph, if there is one close by."""
+    """Move a destination to the nearest free state of a graph within `SNAPPED` m; return the new destination.
+
+    It is returned unchanged if it prescribes a heading, or if no such state is near.
+    """
     goal = found.place["goal"]
     ids = np.zeros(0, np.int64) if graph is None else graph.near(goal["x"], goal["y"], SNAPPED)
     if graph is None or not ids.size or None not in found.target:
@@ -85,7 +88,7 @@ def on_graph(found: Destination, graph: StateGraph | None, problem: Problem) -> 
 
 
 def start_on_graph(pose: tuple[float, ...], graph: StateGraph | None, model: Model) -> States:
-    """Return the state (1,) of a robot, or the state of a graph at which it is almost."""
+    """Return the state (1,) of a robot at ``pose``, or a graph's state that differs by at most `NEAR` and `TURNED`."""
     here = model.space.state(pose)
     ids = np.zeros(0, np.int64) if graph is None else graph.near(float(here.x[0]), float(here.y[0]), NEAR)
     if graph is None or not ids.size:
@@ -122,7 +125,10 @@ def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]
 
 
 def _before(mark: Landmark, problem: Problem) -> tuple[Any, ...] | None:
-    """Return the free state, some steps before a landmark and turned to it, to which no obstacle hides it; or None."""
+    """Return a free goal state from which a landmark is seen; None if there is none.
+
+    It lies at a distance within `SIGHT`, is turned to the landmark, and is at most 60 degrees off its facing side.
+    """
     away, side = (a.ravel() for a in np.meshgrid(np.linspace(*SIGHT, 6), np.arange(24) * np.pi / 12))
     turned = np.abs(wrap(side - (0.0 if mark.facing is None else mark.facing)))
     x, y = mark.x + away * np.cos(side), mark.y + away * np.sin(side)
@@ -162,7 +168,7 @@ def _state(problem: Problem, x: float, y: float) -> tuple[float | None, ...]:
 
 
 def _states(problem: Problem, x: float, y: float, headings: int) -> States:
-    """Return states at a point, with some headings; without any, one state with the heading NaN, for any heading."""
+    """Return states at a point with ``headings`` equally spaced yaws; for 0, one state with yaw NaN (any heading)."""
     count = max(headings, 1)
     yaw = np.arange(count) * 2 * np.pi / count if headings else np.full(1, np.nan)
     columns = {n: np.full(count, v) for n, v in zip(problem.model.space.names, problem.start, strict=True)}

@@ -136,7 +136,7 @@ class LivePlanner:
         return offer.message(now, self.preference)
 
     def _offer_rest(self, now: float, lead: float = LEAD) -> Offer | None:
-        """Return the ways that remain of the present drive; None if there are none."""
+        """Store and return the offer of the ways that the present drive can still take; None without a drive."""
         if self.drive is None:
             return None
         options = self.drive.options(now, lead + self.brakes)
@@ -154,7 +154,8 @@ class LivePlanner:
     def options(self, now: float, pose: Pose) -> Iterator[Message]:
         """Compute the ways anew from here: to the destination that was asked for last, or those of the drive.
 
-        The latter are told by :meth:`show`, so that a push need not wait until they are described.
+        Ways to a destination are offered at once. Those of the drive are stored for :meth:`push`; :meth:`show` offers
+        them to viewers, so that a push need not wait until they are described.
         """
         self._see(now, pose)
         if self.goal is not None:
@@ -170,9 +171,10 @@ class LivePlanner:
     # Choices
 
     def take(self, now: float, pose: Pose, option: int, asked: float | None = None) -> Iterator[Message]:
-        """Take one of the ways that were offered last; if they begin too soon, the one like it that begins later.
+        """Take a way of an offer; if it begins too soon, or a newer offer was made, take a similar way of a new one.
 
-        asked  value of the offer that the viewer saw, if a newer one may be under way to the page
+        option  number of the way in the offer
+        asked   the offer's value ``asked``, by which older offers are recognised; None for the last offer
         """
         offer = self.offer if asked is None else next((offer for at, offer in self.offers if at == asked), None)
         if offer is None or not 0 <= option < len(offer.ways.trajectories):
@@ -192,13 +194,16 @@ class LivePlanner:
         yield from self._taken(now, offer, option, "choice")
 
     def _is_late(self, offer: Offer, now: float) -> bool:
-        """Return whether the ways of an offer begin too soon for the robot, which needs time to brake."""
+        """Return whether it is too late to take a way of an offer: the robot could no longer change to it in time."""
         if offer.options is None and offer.before is None:
             return self.surroundings.moving and now > offer.time
         return now + self.brakes > offer.time
 
     def _anew(self, now: float, pose: Pose, chosen: Trajectory) -> Generator[Message, None, tuple[Offer, int] | None]:
-        """Offer the ways anew; return the offer and the number of the way that is like the chosen one, or None."""
+        """Offer the ways anew; return the offer and the number of its way nearest to the chosen one.
+
+        None, with the message "refused", if their mean distance exceeds `LIKE`.
+        """
         yield from self.options(now, pose)
         yield from self.show(now, pose)
         offer = self.offer
@@ -278,7 +283,10 @@ class LivePlanner:
             yield self._told(offer, now)
 
     def why(self, now: float, pose: Pose, through: Mapping[str, Any]) -> Iterator[Message]:
-        """Explain why no way leads through a place: a point, or a zone or an obstacle by its name."""
+        """Explain why no way leads through a place.
+
+        through  a point, {x, y}, or {region} in words: the name of a zone, "left of NAME", "between NAME and NAME"
+        """
         self._see(now, pose)
         offer = self.offer
         if offer is None or not offer.ways.trajectories:
@@ -308,7 +316,10 @@ class LivePlanner:
         yield from self._change(now, pose, "open", area, "")
 
     def restore(self, now: float, pose: Pose, closed: Mapping[str, Any]) -> Iterator[Message]:
-        """Close and open areas until exactly the named ones are closed, as before a crash."""
+        """Restore the closed areas after a crash: close and open areas until those of ``closed`` are the closed ones.
+
+        closed  corners by name
+        """
         names = {closing.name for closing in self.surroundings.closings if closing.name}
         for name in names - closed.keys():
             yield from self._change(now, pose, "open", name, "")
@@ -327,7 +338,10 @@ class LivePlanner:
         yield from self._change(now, pose, "people", seen, "")
 
     def _change(self, now: float, pose: Pose, what: str, value: Any, name: str) -> Iterator[Message]:
-        """Change the world of the session, and of the drive; let the robot avoid what is now in its way."""
+        """Change the world of the session and of the drive; if the plan is blocked now, take another way.
+
+        what, value, name  "close", "open" or "people"; the area or the people; the name of a closed area
+        """
         self._see(now, pose)
         try:
             if self.drive is not None:
@@ -362,7 +376,7 @@ class LivePlanner:
             yield self._told(offer, now)
 
     def arrived(self, now: float, pose: Pose, there: bool = True) -> Iterator[Message]:
-        """End the drive: the robot is at its destination, unless it has been given another plan meanwhile."""
+        """End the drive at its destination; not if ``there`` is False: the robot has another plan meanwhile."""
         if there:
             self.drive = self.prefix = None
             if self.goal is None:
@@ -378,7 +392,7 @@ class LivePlanner:
         return tuple(values[name] for name in names)
 
     def _see(self, now: float, pose: Pose) -> None:
-        """Report the measured pose to the drive; a robot that has left its plan has no drive any more."""
+        """Report the measured pose to the drive; if the robot has left its plan, end the drive and drop its offer."""
         if self.drive is None or now < self.drive.begin:
             return
         try:
@@ -387,7 +401,7 @@ class LivePlanner:
             self.drive = self.prefix = self.offer = None
 
     def _whole(self, trajectory: Trajectory) -> Trajectory:
-        """Return a part of the drive's plan after what was driven before it without a stop between."""
+        """Return a part of the drive's plan, joined to the motion before this drive if there was no stop in between."""
         return trajectory if self.prefix is None else joined(self.prefix, trajectory)
 
     def _plan(self, now: float) -> Message:

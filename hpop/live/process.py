@@ -18,7 +18,7 @@ PAUSES = (0.1, 0.5, 2.0, 10.0)
 STEADY = 60.0
 """Time, s, after which a crash counts as the first again."""
 KEPT = ("close", "open")
-"""Requests of which each is sent."""
+"""Kinds of requests that are all sent: a newer one does not replace an older one that waits."""
 MOST_WAITING = 64
 """Requests that may wait."""
 

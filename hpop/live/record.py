@@ -38,7 +38,7 @@ class Record:
         self.add(0.0, "session", {"schema": SCHEMA, "version": VERSION, **about})
 
     def add(self, t: float, event: str, values: Mapping[str, Any]) -> None:
-        """Append an event, unless the record was closed; it is with the system when this returns."""
+        """Append an event at ``t``, s; it is written when this returns. After :meth:`close` nothing is appended."""
         if self._file is None:
             return
         line = json.dumps({"at": utc(), "t": round(t, 3), "event": event, **values}, separators=(",", ":"))

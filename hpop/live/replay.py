@@ -43,7 +43,7 @@ class Replay(Audience):
 
     @staticmethod
     def _message(event: Mapping[str, Any]) -> Mapping[str, Any] | None:
-        """Return what viewers were told by an event of the record; None for other events."""
+        """Return the message that viewers got at an event of the record; None if they got none."""
         if event["event"] == "state":
             return {**event, "type": "state"}
         return event["message"] if event["event"] == "told" else None

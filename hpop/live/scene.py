@@ -1,4 +1,4 @@
-"""The message "scene": what of a live session never changes."""
+"""Message "scene" of a live session: map, robot, criteria and names, which never change during it."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def scene_of(problem: Problem, title: str) -> dict[str, Any]:
 
 
 def outline_of(model: Model) -> list[list[float]]:
-    """Return the corners of the robot's outline, m, in the frame of its base."""
+    """Return the corners (x, y), m, of the convex hull of the robot's outline, in the frame of its base."""
     parts = [
         shapely.buffer(shapely.MultiPoint(p.swept.corners).convex_hull, p.radius, quad_segs=ROUND)
         for p in model.platform

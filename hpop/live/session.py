@@ -138,7 +138,7 @@ class LiveSession(Audience):
         self._see_people(now)
 
     def state(self, now: float) -> dict[str, Any]:
-        """Return the message "state"."""
+        """Return the message "state": pose, people, index of the present plan among the ways, why the robot brakes."""
         x, y, theta = (round(value, 4) for value in self.robot.pose)
         people = [[round(value, 3) for value in person] for person in self.people]
         return {
@@ -179,7 +179,7 @@ class LiveSession(Audience):
                 viewer.send(self.scene_for(viewer))
 
     def scene_for(self, viewer: Viewer) -> dict[str, Any]:
-        """Return the message "scene" for a viewer, with the role, the settings and what is closed."""
+        """Return the message "scene" for a viewer, with its role, the settings and the names of the closed areas."""
         role = "drive" if viewer is self.driver else "watch"
         return {**self.scene, "role": role, "settings": self.settings, "closed": list(self._closed or ())}
 
@@ -306,7 +306,7 @@ class LiveSession(Audience):
             self._ask("destination", goal=self._goal)
 
     def _renew(self, now: float) -> None:
-        """Ask for new ways once the robot comes to the place where the last ones begin."""
+        """Ask for new ways shortly before the robot comes to the place where those of the last offer begin."""
         offer = self.newest.get("options")
         if offer is None or now < self._next["ways"] or self.planner.is_busy or self._has_arrived:
             return
@@ -316,7 +316,10 @@ class LiveSession(Audience):
             self._ask("show")
 
     def _see_people(self, now: float, *, wanted: bool = False) -> None:
-        """Tell the planner of the people, if they are not where it predicts them while the robot drives."""
+        """Tell the planner where the people are if the robot drives, and the prediction is wrong or old.
+
+        wanted  whether to do so also while the robot stands or the planner is busy
+        """
         free = not self._has_arrived and not self.planner.is_busy and now >= self._next["people"]
         if self.planner.is_ready and (wanted or free) and self._told_people.differ(self.people, now, PREDICTED):
             self._next["people"] = now + SEEN
@@ -326,7 +329,10 @@ class LiveSession(Audience):
     # The robot
 
     def _why_braked(self, now: float) -> str:
-        """Return why the robot must brake, in words; "" if it may drive."""
+        """Return why the robot must brake, in words; "" if it may drive.
+
+        After `LOST` s of silence the robot counts as stopped, and a viewer has to let it go again.
+        """
         driver = self.driver
         if driver is None or now - driver.alive > SILENT:
             if driver is not None and now - driver.alive > LOST:

@@ -31,7 +31,7 @@ STILL = 1e-3
 KEEPS = 0.1
 """Distance, m, between the surfaces of the robot and of a visitor who waits before it."""
 ASTRAY = 0.4
-"""Distance, m, from the predicted place at which a person is told to the planner anew."""
+"""Distance, m, of a person from the predicted place, above which the people are reported to the planner anew."""
 RADIUS = 0.25
 """Radius of a person, m."""
 
@@ -118,9 +118,9 @@ class LiveRobot:
         self._tracker.follow(trajectory, max(clock, 0.0))
 
     def _nearest(self, done: Trajectory, elapsed: float) -> float:
-        """Return the time of an executed plan, s, near an expected one at which it is at the robot's pose.
+        """Return the time, s, at which an executed plan is nearest to the robot's pose, within `NEAR` s of ``elapsed``.
 
-        A robot that stands continues with the next motion.
+        Of several such times, a robot that stands gets the last, so that it continues with the next motion.
         """
         times = np.append(np.arange(0.0, done.duration, SAMPLED), done.duration)
         times = times[np.abs(times - np.clip(elapsed, 0.0, done.duration)) <= NEAR]
@@ -148,7 +148,10 @@ class LiveRobot:
 
 
 class Visitors:
-    """People of a scenario, each on a track that begins again when it ends; they wait where the robot stands."""
+    """People of a scenario, each on a track that begins again when it ends.
+
+    keeps  m, between the centres of person and robot: a person who would come nearer waits
+    """
 
     def __init__(self, people: Sequence[Person], keeps: float) -> None:
         self._people, self._keeps = people, keeps
@@ -157,7 +160,7 @@ class Visitors:
         self.radius = max((person.radius for person in people), default=RADIUS)
 
     def advance(self, t: float, robot_pose: Pose) -> list[Walking]:
-        """Move on to time ``t``, s, and return everybody present."""
+        """Move on to time ``t``, s, and return all people."""
         found: list[Walking] = []
         for i, person in enumerate(self._people):
             (walking,) = self._walking[i].advance(t - self._began[i], robot_pose)
@@ -178,14 +181,17 @@ def people_of(problem: Problem, options: SimulatorOptions) -> Pedestrians:
 
 
 class ToldPeople:
-    """People as the planner was told of them, to tell it anew only when a prediction is wrong."""
+    """People as last reported to the planner, who are reported anew only when a prediction is wrong or old."""
 
     def __init__(self) -> None:
         self._people: list[Walking] = []
         self._at = -math.inf
 
     def differ(self, people: Sequence[Walking], now: float, lasts: float) -> bool:
-        """Return whether people are not as predicted, or the prediction has become older than ``lasts``, s."""
+        """Return whether people are not where the planner predicts them, or its prediction is older than ``lasts``, s.
+
+        The prediction of people who stand does not age.
+        """
         passed = now - self._at
         if len(people) != len(self._people):
             return True

@@ -16,11 +16,11 @@ from hpop.live.messages import checked
 MOST_WAITING = 256
 """Messages that may wait for a viewer; one who reads more slowly is sent away."""
 MOST_MESSAGES, BURST = 60.0, 120.0
-"""Messages a second that a viewer may send, and at once."""
+"""Messages a second that a viewer may send in the long run, and messages that it may send at once."""
 MOST_REFUSALS = 3.0
 """Refusals a second that a viewer is sent."""
 MOST_VIEWERS = 32
-"""Viewers who may drive, and as many who may not, so that those cannot keep a driver out."""
+"""Viewers who may drive. As many again may only watch; they are counted apart, so that they keep no driver out."""
 KEPT = ("place", "options", "taken")
 """Types of messages of which a viewer who comes later is sent the newest."""
 
@@ -31,7 +31,7 @@ class Viewer:
     may_drive   whether its token lets it drive
     wants       whether it asked to drive
     greeted     whether it has said hello
-    alive       time of its last sign, s
+    alive       s, time of the session at which it last said "hello" or "alive"
     seen        whether it was sent the scene
     gone        why it is sent away; "" while it is not
     """
@@ -56,7 +56,7 @@ class Viewer:
         self.wakes.set()
 
     def counts(self) -> bool:
-        """Count a message that came; return whether it is within the bounds."""
+        """Count a message that came; return whether the viewer keeps to `MOST_MESSAGES` and `BURST`."""
         now = time.monotonic()
         passed, self._counted = now - self._counted, now
         self._budget = min(BURST, self._budget + passed * MOST_MESSAGES) - 1.0
@@ -64,7 +64,7 @@ class Viewer:
         return self._budget >= 0.0
 
     def refuse(self, words: str) -> None:
-        """Say why a message was refused, unless this was said too often."""
+        """Send the viewer why its message was refused, but at most `MOST_REFUSALS` times a second."""
         if self._refusals >= 1.0:
             self._refusals -= 1.0
             self.send({"type": "refused", "words": words})
@@ -151,7 +151,7 @@ class Audience:
                 viewer.refuse("say hello first")
 
     def greet(self, viewer: Viewer) -> None:
-        """Send the scene to a viewer who has said hello, and what was told last."""
+        """Send the scene and the messages of `newest` to a viewer who has said hello."""
         viewer.send(self.scene_for(viewer))
         viewer.seen = True
         for message in self.newest.values():

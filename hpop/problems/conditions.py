@@ -39,7 +39,7 @@ POSITIONS = re.compile(rf"{POSITION.pattern}(?:[\s;]+{POSITION.pattern})*", re.I
 
 
 def passage_of(problem: Problem, place: Any) -> Passage:
-    """Return where paths of a problem pass that satisfy a place: words, or a shape of shapely or of positions, m.
+    """Return the passage that a place describes: words, a shape of shapely, or positions (x, y), m.
 
     Left and right are those of a traveller from start to goal, along the straight line between them. A path passes left
     of an obstacle if it crosses, an odd number of times, the line that leaves the obstacle's leftmost point at a right
@@ -73,7 +73,7 @@ def passage_of(problem: Problem, place: Any) -> Passage:
 
 
 def _listed(names: Iterable[str]) -> str:
-    """Return the names of things of the map for a message."""
+    """Return names of things of the map as text: "'statue', 'bench'"; "none" without any."""
     return ", ".join(map(repr, names)) or "none"
 
 
@@ -143,9 +143,9 @@ def _samples(passage: Passage) -> tuple[FloatArray, FloatArray]:
 
 @dataclass(frozen=True)
 class _Named:
-    """Thing of the map that has a name, or the place of a position.
+    """Thing of the map that a text names or gives the position of; without a thing there, the position.
 
-    words  name for a sentence: "the statue"
+    words  name in a sentence: "the statue", or "(1, 2)" for a position
     shape  outline or position, m
     """
 
@@ -184,7 +184,7 @@ def _near(text: str, names: Iterable[str]) -> str:
 
 
 def _with_article(name: str) -> str:
-    """Return a name as a sentence has it: "the statue", "the vase", but "Room 3"."""
+    """Return a name with "the" before it if it begins with a small letter: "the statue", but "Room 3"."""
     return name if name.lower().startswith("the ") or not name[:1].islower() else f"the {name}"
 
 
@@ -264,7 +264,7 @@ def _between(world: World, text: str) -> Passage:
 
 
 def _ends(problem: Problem) -> tuple[FloatArray, FloatArray]:
-    """Return the positions (2,), m, of start and goal; of several goals their mean."""
+    """Return the positions (2,), m, of start and goal; the mean position if there are several goals."""
     names, target = problem.model.space.names, problem.target
     columns = [names.index("x"), names.index("y")]
     start = np.array([problem.start[column] for column in columns], np.float64)
@@ -284,7 +284,7 @@ class CostLimit:
 
     words      the wish, as the end of a sentence's subject: "with fewer turns"
     bounds     largest value of each cost by name; exclusive if there is a ``reference``
-    reference  row of the front that has the bound's value, if the wish is in words
+    reference  row of the front that the wish is compared with, and from which the bound is; None for bounds in numbers
     """
 
     words: str
@@ -324,7 +324,7 @@ class CostLimit:
 
 
 def _cost(name: str, front: Front) -> str:
-    """Return the name of a cost of the front that a user gives; UnknownName if it has none."""
+    """Return the name of the front's cost that a user means, whatever its capitals; UnknownName if there is none."""
     for known in front.names:
         if known.replace("_", " ") == str(name).strip().lower().replace("_", " "):
             return known

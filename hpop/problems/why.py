@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 OF_TIME = ("clock", "hold", "arrive_by", "margin")  # planner options of time, in the provenance of a plan
 SAME = 1e-3  # share of a cost up to which rounding may hide a difference
 NONE = -1
-PAIRS = 10**6  # pairs of paths that are compared at once
+PAIRS = 10**6  # pairs of a path and a row that are compared at once
 WHOLE = 1e-6  # quanta by which a cost may differ from a whole number of them through errors of floating point
 OTHERS = "paths that were not searched may be better"
 
@@ -46,12 +46,12 @@ class WhyNot:
 
     sentence  the answer in words
     best      the best path that satisfies the condition, a point of ``front``; None if there is none
-    row       row of the front with which it is compared; None without a path
+    row       row of the given front with which it is compared; None without a path
     numbers   costs of the best path less those of the row, by criterion, both evaluated again
-    exact     whether the paths that satisfy the condition are all that are optimal on the searched graph
+    exact     whether ``front`` has all optimal paths that satisfy the condition, on the searched graph
     through   the passage in words: "left of the statue"; "" without one
     front     front of the paths that satisfy the condition
-    rows      rows of the front whose costs such paths have
+    rows      rows of the given front whose costs a path of ``front`` has, too
     """
 
     sentence: str
@@ -78,18 +78,18 @@ def why_not(
     than: int | str | None = None,
     planner: PlannerSpec | None = None,
 ) -> WhyNot:
-    """Explain why a front does not pass somewhere, or has no path with less of a cost: by the best path that does.
+    """Explain why no path of a front passes somewhere, or has less of a cost: compare it with the best path that does.
 
-    A path that passes is searched on the graph of the front's planner, with the passage as a constraint. The result is
-    exact if that planner is an exact search on a graph and no person moves.
+    Paths that pass are searched on the graph of the front's planner, with the passage as a constraint. If this cannot
+    be done, only rows of the front are compared, and ``exact`` of the answer is False.
 
     Parameters
     ----------
     region : name of a zone, position (x, y), corners of a polygon, two positions (a line), or a shape of shapely, m
     through : passage in words: "left of the statue", "between the statue and the bench"
     wish : "fewer turns", "less exposure", "hurry" (less duration), or upper bounds of costs by name, ``{"turns": 3}``
-    than : row with which the best path is compared, by number or name. Default: the row that is at least as good in
-        every cost, with the least difference; for a wish in words the knee
+    than : row with which the best path is compared, by number or name. Default: a row that is at least as good in
+        every cost, the one with the least difference; the knee if there is none, and for a wish in words
     planner : planner that searches, whose graph may be built already. Default: the planner of the front
 
     Raises QueryError for a place that cannot be used, UnknownName for an unknown cost, OptionError for other arguments.
@@ -118,9 +118,9 @@ class _Found(NamedTuple):
     """Paths that satisfy a condition.
 
     front   their front
-    exact   whether all that are optimal on the searched graph are known
+    exact   whether the front has all such paths that are optimal on the searched graph
     reason  why there is no path, "" if there is one
-    off     largest error of evaluated costs against those of the search, by name; 0 for those that are not listed
+    off     largest difference between evaluated costs and those of the search, by name; 0 for names that are missing
     """
 
     front: Front
@@ -130,7 +130,7 @@ class _Found(NamedTuple):
 
 
 def _passing(problem: Problem, front: Front, passage: Passage, spec: PlannerSpec | None) -> _Found:
-    """Return the paths that pass; if they cannot be searched, the rows of the front that pass."""
+    """Search the paths that pass, and return the optimal ones; if this cannot be done, the front's rows that pass."""
     if spec is None:
         several = (planner_of_point(origin) for origin in front.provenance)
         planner = next((planner for planner in several if planner is not None), None)
@@ -161,7 +161,7 @@ def planner_of_point(origin: Mapping[str, Any]) -> Planner | None:
 def _searched(
     problem: Problem, passage: Passage, planner: Planner, family: GraphFamily, objectives: Objectives
 ) -> _Found:
-    """Return the paths that pass, by an exact search on the graph of a family."""
+    """Search the optimal paths that pass on a planner's graph, which its family builds, and return them."""
     kept = problem.keeping(planner.margin)
     spending = Spending(Limits.of(planner.budget()))
     try:
@@ -207,8 +207,9 @@ class _Matches:
     ) -> _Matches:
         """Compare the costs (a, k) of paths with those (n, k) of a front, in blocks that limit the memory.
 
-        off, same  (k,)  errors up to which a cost counts as no less, and as equal
-        weights    (k,)  weights of the costs in the loss
+        off   (k,)  a cost that is less than the row's by at most this counts as no less: it may be rounding
+        same  (k,)  a cost that differs from the row's by at most this counts as equal
+        weights  (k,)  of the costs in the loss
         """
         equal, better = np.full(len(costs), NONE), np.full(len(costs), NONE)
         loss, rows = np.zeros(len(costs)), np.zeros(len(base), np.bool_)
@@ -282,9 +283,9 @@ class _Comparison:
 
     @property
     def _off(self) -> FloatArray:
-        """Largest error (k,) of the difference of two evaluated costs, against that of the search.
+        """Differences (k,) of two evaluated costs up to which the rounding of the search may be the cause.
 
-        A cost that is a whole number of quanta in all rows, such as turns, is not rounded.
+        A cost that is a whole number of quanta in all rows, such as turns, is not rounded: a quarter of a quantum.
         """
         front, every = self.front, np.concatenate([self._columns, self.front.costs])
         counts = every / front.quanta
@@ -306,7 +307,10 @@ class _Comparison:
         return f"{self._subject} is on the front: {self._passing_rows(rows)}."
 
     def _passing_rows(self, rows: tuple[int, ...]) -> str:
-        """Return the rows of the front that satisfy the condition, or whose costs a path has that does, as a clause."""
+        """Return a clause that names rows: "row 4 passes there", or "a path with the costs of row 4 passes there".
+
+        rows  rows with the costs of a path that satisfies the condition
+        """
         passage = self.passage
         passes = None if passage is None else passage.holds(self.front.trajectories)
         own = [i for i in rows if passes is None or passes[i]]
@@ -319,10 +323,12 @@ class _Comparison:
         return f"a path with the costs of {noun} {listed} passes there"
 
     def _place(self, rows: tuple[int, ...], row: int, better: int | None, *, never: bool) -> str:
-        """Return what the comparison with the whole front says, as a clause.
+        """Return the end of the sentence, such as "it is never better": what the whole front says of the paths.
 
+        rows    rows of the front with the costs of such a path
+        row     row with which the best path is compared
         better  row that is as good as the best path in each cost and better in one, or None
-        never   whether each path that satisfies the condition is matched by a row
+        never   whether for each such path a row is as good in each cost
         """
         if rows:
             return f"it is on the front: {self._passing_rows(rows)}"
@@ -332,7 +338,7 @@ class _Comparison:
         return f"it is never better{other}"
 
     def _amounts(self, differing: Sequence[str], numbers: Mapping[str, float]) -> str:
-        """Return the two decisive differences in words, the larger shares of the front's ranges first."""
+        """Return the differences of the first two ``differing`` costs in words, and how many other costs differ."""
         first, *others = (self._amount(name, numbers[name]) for name in differing[:2])
         signs = [numbers[name] > 0.0 for name in differing[:2]]
         words = " ".join([first, *(f"{'and' if signs[0] == signs[-1] else 'but'} {other}" for other in others)])
@@ -362,7 +368,7 @@ class _Comparison:
         return f"A path{limit}" if self.passage is None else f"Passing {self.passage.words}{limit}"
 
     def _none(self) -> str:
-        """Return the sentence for no path that satisfies the condition."""
+        """Return the sentence that says that no path satisfies the condition, and why."""
         reference = None if self.limit is None else self.limit.reference
         limit = (
             "" if self.limit is None else f"{self.limit.words}{'' if reference is None else f' than row {reference}'}"
@@ -374,7 +380,7 @@ class _Comparison:
         return f"{none} passes {self.passage.words}{f' with {limit}' if limit else ''}{reason}."
 
     def _doubt(self, what: str) -> str:
-        """Return the words that say so if not all paths that satisfy the condition are known."""
+        """Return " Not all paths were searched: ..." if the answer is not exact, else ""."""
         return "" if self.found.exact else f" Not all paths were searched: {what}."
 
     def _amount(self, name: str, number: float) -> str:

@@ -34,8 +34,8 @@ class FollowSettings:
     asks      after a stop it publishes the options and waits until one is taken, instead of taking ``choice``
     late      s     age from which a pose is too old to drive by
     off       m     distance from the plan from which the robot stops and plans again
-    near      m     gap to people below which it stops
-    reaction  s     time that it keeps in addition to the time in which it stops
+    near      m     gap to people below which it stops; within the stopping distance, and unless it drives away
+    reaction  s     time that is added to the time in which it can stop, to look ahead at people and obstacles
     within    m     distance at which a pose on the way counts as visited
     delay     s     after which a command takes effect
     retry     s     between attempts to plan
@@ -72,7 +72,7 @@ class FollowGoal:
     since    s, when it came
     choice   trajectory to take
     passed   number of poses that were reached
-    tried    s, when a way was last found
+    tried    s, from which patience counts: when the goal came, a plan was found, or the robot last drove or was halted
     stopped  whether the robot had to stop on the way, and no option was taken since
     """
 
@@ -103,7 +103,7 @@ class Planned(NamedTuple):
 
 
 class FollowStep(NamedTuple):
-    """Result of a step: the command, None if the robot belongs to others, and what has happened."""
+    """Result of a step: the command, None if there is no goal and nothing to send, and what has happened since."""
 
     command: Command | None
     events: tuple[Ended | Planned, ...]
@@ -120,7 +120,8 @@ class FollowPlanner(GoalPlanner):
     problem   world, model and criteria, as for :class:`GoalPlanner`
     planners  their fronts are joined
     known     names of frames
-    near      m, distance that plans keep from people, at least, if the planner can; more than a follower's ``near``
+    near      m, least distance that plans keep from people, for planners with the option ``margin``; choose it larger
+              than :attr:`FollowSettings.near`, or the follower stops on its own plans
     """
 
     def __init__(self, problem: Problem, planners: Sequence[Planner], known: Interface, *, near: float = KEPT) -> None:
@@ -130,7 +131,7 @@ class FollowPlanner(GoalPlanner):
     def way(
         self, goal: FollowGoal, starts: Sequence[PlanarPose], worlds: tuple[World, World], within: float, over: Event
     ) -> Front:
-        """Return the front through the poses of a goal that remain; raises Failure.
+        """Plan through the poses of a goal that were not reached yet, and return the front; raises Failure.
 
         Parameters
         ----------

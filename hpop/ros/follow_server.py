@@ -76,7 +76,7 @@ class FollowServer(MessageServer):
         ]
 
     def farewells(self) -> list[Message]:
-        """Return the messages that end a connection: the robot is told to stand first."""
+        """Return the messages that end a connection; the first one commands the robot to stand."""
         known = self.known
         return [
             self._publication(known.cmd_topic, known.twist(Command(0.0, 0.0), 0)),

@@ -42,10 +42,10 @@ SLOWEST = 0.05  # m/s, least speed limit of a mask that is kept
 
 @dataclass(eq=False)
 class _UnderWay:
-    """Plan under way: its law, when it began, s, and its executed states (n,), `CHECKED` s apart.
+    """Plan under way: its tracking law, when it began, s, and its executed states (n,), `CHECKED` s apart.
 
-    far   (n,) m driven until then
-    open  (n,) whether nothing blocks the state in the present world; None after a change of the map
+    far   (n,) m, length of the plan's path up to each state
+    open  (n,) whether no obstacle or closed area blocks the state; None if it is to be checked, as after a new map
     """
 
     tracker: Tracker
@@ -63,14 +63,18 @@ class _UnderWay:
         return cls(Tracker(trajectory, delay=delay), begin, states, far)
 
     def place(self, now: float) -> int:
-        """Return the index of the state at which the robot should be."""
+        """Return the index of the state at which the robot should be at ``now``, s."""
         clock = self.tracker.clock(max(0.0, now - self.begin))
         return min(int(clock / CHECKED), self.states.size - 1)
 
 
 @dataclass(eq=False)
 class _Job:
-    """Planning under way for a goal."""
+    """Planning under way for a goal.
+
+    leaves  s, time for which it is planned that the robot leaves
+    over    set when the goal is no longer followed, so that planning ends
+    """
 
     goal: FollowGoal
     future: Future[Front]
@@ -150,7 +154,7 @@ class Follower:
             self._halted = stopped
 
     def follow(self, goal: str, poses: Sequence[PlanarPose], now: float, choice: str = "") -> None:
-        """Drive to poses, one after another; a goal before this one is aborted."""
+        """Drive to poses, one after another; a goal that is followed already is aborted."""
         if not poses:
             raise RosError("a goal must have at least one pose, got none")
         with self._lock:
@@ -214,7 +218,7 @@ class Follower:
             return FollowStep(command, events)
 
     def state(self, now: float) -> Message:
-        """Return what the follower does, as JSON."""
+        """Return what the follower does and why, its goal and pose, and what remains of the plan (s, m), as JSON."""
         with self._lock:
             goal, run, pose = self._goal, self._run, self.seen.pose(now, self.settings.late)
             doing = "idle"
@@ -285,7 +289,7 @@ class Follower:
         return "" if run.open[end:].all() else "the map closes the plan"
 
     def _time_to_stop(self) -> float:
-        """Return the time, s, in which the robot stops from its largest speeds, with the reaction time."""
+        """Return the time, s, in which the robot stops from its largest speeds, plus the reaction time."""
         of = self.limits
         return max(of.speed / of.acceleration, of.turn_rate / of.turn_acceleration) + self.settings.reaction
 
@@ -333,7 +337,7 @@ class Follower:
         self._job, self._began = _Job(goal, future, leaves, over), now
 
     def _take_up(self, now: float) -> None:
-        """Take up finished planning: drive, ask for a choice, or say why there is no way."""
+        """Use the result of planning, once it has ended: drive, ask for a choice, or say why there is no way."""
         job = self._job
         if job is None or not job.future.done():
             return

@@ -156,7 +156,7 @@ class FollowInterface:
         return {name: whole[name] for name in names}
 
     def feedback(self, action: str, state: Mapping[str, Any]) -> Message:
-        """Return the feedback of a navigation action, from the state of a follower."""
+        """Return the feedback of a navigation action, given :meth:`.Follower.state`."""
         pose = state["pose"] or (0.0, 0.0, 0.0)
         told = {
             "current_pose": pose_message(*pose, frame_id=self.frame_id),
@@ -176,14 +176,14 @@ class FollowInterface:
 
 @checked_arguments
 class Hearing:
-    """Messages of ROS on their way into a follower, by topic; rosbridge and rclpy share it."""
+    """Receiver of ROS messages, which passes each to a follower by its topic; used with rosbridge and rclpy."""
 
     def __init__(self, follower: Follower, known: FollowInterface) -> None:
         self.follower, self.known = follower, known
         self.reset()
 
     def reset(self) -> None:
-        """Forget transforms and what belongs to a connection."""
+        """Forget the transforms, maps, masks and people that were heard; the follower keeps its world."""
         self.transforms, self._people, self._age = Transforms(), PeopleSeen(), MessageAge()
         self._grid: OccupancyGrid | None = None
         self._mask: OccupancyGrid | None = None

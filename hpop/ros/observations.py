@@ -41,7 +41,7 @@ class MessageAge:
         self._offset, self._at = math.inf, 0.0
 
     def of(self, now: float, stamp: int) -> float:
-        """Return how old, s, a message is that arrives at ``now``, s; without a stamp (0, ns) it is new."""
+        """Return the age, s, of a message that arrives at ``now``, s; ``stamp`` is in ns, and the age 0 if it is 0."""
         if not stamp:
             return 0.0
         offset = now - stamp / SECOND
@@ -60,7 +60,7 @@ class _Link(NamedTuple):
 
 
 class Transforms:
-    """Tree of transforms between frames, as tf publishes them, seen from above."""
+    """Tree of transforms between frames, as tf publishes them; only x, y and yaw are kept."""
 
     def __init__(self) -> None:
         self._links: dict[str, _Link] = {}
@@ -95,7 +95,10 @@ class Transforms:
             self._links[child] = _Link(parent, x, y, yaw, math.inf if static else now - age)
 
     def pose(self, frame: str, child: str) -> tuple[PlanarPose, float] | None:
-        """Return the pose of a frame in another, and the time, s, of the oldest transform between; None if unknown."""
+        """Return the pose of the frame ``child`` in ``frame``, and the time, s, of the oldest transform between them.
+
+        The time is infinite if all are static. None if they are not connected.
+        """
         x = y = yaw = 0.0
         oldest, name = math.inf, child
         for _ in range(len(self._links) + 1):
@@ -117,7 +120,7 @@ def _is_rotation(told: Any) -> bool:
 
 
 def _placed(pose: _Link | PlanarPose, x: float, y: float) -> tuple[float, float]:
-    """Return a point of a frame, m, in the frame in which the pose of that frame is given."""
+    """Transform a point (x, y), m, from a frame to its parent frame, in which ``pose`` is the pose of the frame."""
     cos, sin = math.cos(pose.yaw), math.sin(pose.yaw)
     return pose.x + cos * x - sin * y, pose.y + sin * x + cos * y
 
@@ -126,7 +129,7 @@ def _placed(pose: _Link | PlanarPose, x: float, y: float) -> tuple[float, float]
 class OccupancyGrid:
     """Occupancy grid: percent (H, W), or -1 for unknown cells; row 0 at the bottom.
 
-    resolution  m
+    resolution  m, width of a cell
     origin      (x m, y m, yaw rad) of the lower left corner
     """
 
@@ -149,7 +152,7 @@ class OccupancyGrid:
         return cls(cells, float(f"{resolution:.7g}"), origin[:3])  # of a float32
 
     def updated(self, message: Any) -> OccupancyGrid:
-        """Return the grid after a map_msgs/OccupancyGridUpdate."""
+        """Return the grid with the cells of a map_msgs/OccupancyGridUpdate; this grid is unchanged."""
         told = mapping(message, "a map update")
         x, y = (_size(told.get(name), f"{name} of a map update", least=0) for name in "xy")
         width, height = (_size(told.get(name), f"{name} of a map update") for name in ("width", "height"))
@@ -230,7 +233,7 @@ class FilterScale:
         return cls(int(kind), base, multiplier)
 
     def speed(self, value: int, cruise: float) -> float:
-        """Return the speed limit, m/s, of a cell's value, for a robot with a cruise speed; infinite for none."""
+        """Return the speed limit, m/s, of a cell's value; infinite for none. ``cruise`` is the robot's speed, m/s."""
         limit = self.base + self.multiplier * value
         if self.kind == 0 or value <= 0 or not limit > 0:
             return math.inf
@@ -241,7 +244,8 @@ def with_grid(world: World, grid: OccupancyGrid | None, mask: OccupancyGrid | No
     """Return a scenario's world as a map and a keep-out mask show it.
 
     A world of cells takes its cells from the map. In a world of polygons, which may have heights, occupied cells
-    farther than a cell from its obstacles are closed to the robot; what the map shows as free stays as it is.
+    farther than a cell from its obstacles are closed to the robot; what the map shows as free stays as it is. In both,
+    cells of the mask from `LETHAL` percent are closed.
     """
     content, closed = world.content, []
     if grid is not None and world.raster is not None and not world.obstacles:
@@ -257,7 +261,7 @@ def with_grid(world: World, grid: OccupancyGrid | None, mask: OccupancyGrid | No
 
 
 def _of_cells(world: World, grid: OccupancyGrid) -> World:
-    """Return a world of cells with those of a grid; values derived from unchanged cells are kept if the grids match."""
+    """Return a world with the cells of a grid; if the grids match, values derived from equal cells are kept."""
     before = world.raster
     assert before is not None
     same = before.cells.shape == grid.cells.shape and np.allclose(
@@ -328,7 +332,7 @@ def _person_row(row: Any, where: str, index: str) -> tuple[str, float, float, tu
 
 
 def _velocity(here: tuple[float, float], before: tuple[float, float] | None, seconds: float) -> tuple[float, float]:
-    """Return the velocity, m/s, between two positions; 0 for a new person, or after a long time."""
+    """Return the velocity, m/s, between two positions, m; 0 for a new person, after over 2 s, and for a jump."""
     if before is None or not 1e-3 < seconds < 2.0 or math.dist(here, before) > SAME_PERSON:
         return 0.0, 0.0
     vx, vy = ((now - then) / seconds for now, then in zip(here, before, strict=True))

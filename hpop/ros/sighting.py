@@ -18,7 +18,7 @@ from hpop.ros.planning import GoalPlanner
 from hpop.world import Person, World
 
 CHECKED = 0.05  # s between the poses of the plan that are checked ahead of the robot
-PEOPLE_LAST = 2.0  # s for which people are predicted after their last message
+PEOPLE_LAST = 2.0  # s after the last message of people for which the robot stops for them
 SLIGHT = 1e-3  # m of change of a gap that does not count
 ABSENT = 1e5  # m: a person that far away has no effect
 
@@ -71,13 +71,17 @@ class Sighting:
         return None if self._pose is None or now - self._pose[1] > late else self._pose[0]
 
     def missing(self, now: float) -> str:
-        """Return in words how the pose of the robot is missing."""
+        """Return in words why there is no pose to drive by: none has come, or the last one is too old."""
         if self._pose is None:
             return "no pose of the robot has come"
         return f"the pose of the robot is {now - self._pose[1]:.1f} s old"
 
     def people(self, at: float) -> tuple[Person, ...]:
-        """Return the people, as predicted for a time, s; those of the scenario if none were ever seen."""
+        """Return the people, as predicted for a time, s; those of the scenario if no message of people has come yet.
+
+        Long after the last message there are no people; if the scenario has people, one far away stands for them, as a
+        criterion may need one.
+        """
         own = self.planner.problem.world.content.people
         if self._people is None:
             return own
@@ -99,9 +103,10 @@ class Sighting:
         return self.planner.problem.model.collision(self.world).states_free(states)
 
     def meets_people(self, soon: States, pose: PlanarPose, now: float, near: float) -> bool:
-        """Return whether the robot soon comes nearer to a person than ``near``, m, and than if it stood still.
+        """Return whether the robot would come within ``near``, m, of a person, and nearer than if it stood at ``pose``.
 
-        ``soon`` are its states (n,) from now on, `CHECKED` s apart. People may walk on with constant velocity, or stop.
+        ``soon`` are its planned states (n,) from now on, `CHECKED` s apart. Each person may walk on as now, or
+        stop: both are checked. Without a message of people for `PEOPLE_LAST` s, the result is False.
         """
         if self._people is None or now - self._people[1] > PEOPLE_LAST:
             return False
@@ -128,7 +133,7 @@ class Sighting:
 
 
 def _gaps(parts: Sequence[Any], states: States, x: FloatArray, y: FloatArray) -> FloatArray:
-    """Return the distances (n,), m, from points to the robot's outline, each in its own state; 0 within it."""
+    """Return the distances (n,), m, from n points to the robot's outline in n states; 0 or less within it."""
     nearest = np.full(states.size, np.inf)
     for part in parts:
         corners = part.placed(states)

@@ -19,8 +19,8 @@ Walking = tuple[float, float, float, float]
 """Position, m, and velocity, m/s, of a person: x, y, vx, vy."""
 RADIUS = 0.25  # m, of a person
 STEP = 0.02  # s, of the crowd
-NEAR = 0.6  # m: who has come that near to a goal takes another one
-STANDS, GIVES_UP = 0.1, 3.0  # m/s, s: who is that slow for that long, as before the robot, takes another goal
+NEAR = 0.6  # m: a person who has come that near to a goal takes another one
+STANDS, GIVES_UP = 0.1, 3.0  # m/s, s: a person who is slower for longer, as before the robot, takes another goal
 FROM_ROBOT = 1.5  # m, from the robot at which people of a crowd begin, at least
 HEAVY, SLOW = 1e9, 1e6  # kg, s: mass and reaction time of the robot in the crowd, which no person pushes away
 
@@ -34,10 +34,10 @@ class Pedestrians(Protocol):
     radius: float
 
     def advance(self, t: float, robot_pose: tuple[float, float, float]) -> list[Walking]:
-        """Move on to time ``t``, s, and return everybody present, in a fixed order.
+        """Move on to time ``t``, s, and return all people, always in the same order.
 
-        Times do not decrease. ``robot_pose`` is (x m, y m, yaw rad) of the robot at that time. People who are absent
-        have NaN for a position.
+        Times do not decrease. ``robot_pose`` is (x m, y m, yaw rad) of the robot at that time. A person who is absent
+        has the position NaN.
         """
 
 
@@ -56,7 +56,7 @@ class TrackedPeople:
         self.radius = max((person.radius for person in self._people), default=RADIUS)
 
     def advance(self, t: float, robot_pose: tuple[float, float, float]) -> list[Walking]:
-        """Move on to time ``t``, s; who would come too near to the robot waits."""
+        """Move on to time ``t``, s, and return all people; a person who would come nearer than ``keeps`` waits."""
         step, self._now = max(0.0, t - self._now), max(t, self._now)
         robot, walking = np.array(robot_pose[:2]), list[Walking]()
         for i, person in enumerate(self._people):
@@ -78,9 +78,9 @@ class Crowd:
 
     world   in whose free space people walk to random goals, one after another
     number  of people
-    speed   m/s, which each person likes to walk
+    speed   m/s, at which each person walks if nothing is in the way
     radius  m, of a person
-    robot   m, radius of the robot in the eyes of the people
+    robot   m, radius of the disc by which the crowd avoids the robot
     seed    of all random numbers
     """
 
@@ -170,7 +170,7 @@ class Crowd:
         return shapely.Polygon(max(parts, key=lambda part: part.area))
 
     def _goal(self) -> tuple[float, float]:
-        """Return a random position on the floor, m."""
+        """Return a random position, m, where a person has room; people walk to it."""
         x_min, y_min, x_max, y_max = self._goals.bounds
         while True:
             x, y = self._random.uniform((x_min, y_min), (x_max, y_max)).tolist()

@@ -20,9 +20,9 @@ Pose2 = tuple[float, float, float]
 class SimulatedBase:
     """Base that follows velocity commands; poses are (x m, y m, yaw rad) in the frame of the world.
 
-    model  robot, of whose wheels the distance counts
-    pose   at time 0
-    delay  s, after which a command takes effect; the base then reaches it by constant acceleration, in one step
+    model  robot; only the distance between its wheels is used
+    pose   true pose at time 0
+    delay  s, after which a command takes effect. The next call of :meth:`advance` reaches it, by constant acceleration
     slip   0 to 0.5, largest share by which a wheel drives less far than it turns; drawn for each wheel every second
     noise  m, radius of the disc about the true position in which measured positions lie; yaws are off by up to as many
            radians as this is metres
@@ -73,7 +73,7 @@ class SimulatedBase:
         self.measured = self._measure()
 
     def _slipping(self, command: Command, t: float) -> Command:
-        """Return the true speeds at time ``t`` while the wheels turn as commanded."""
+        """Return the true speed and turn rate at time ``t``, s, if the wheels turn as commanded but slip."""
         number, share = divmod(t / SLIP_LASTS, 1.0)
         slip: FloatArray = (1.0 - share) * self._knots[int(number)] + share * self._knots[int(number) + 1]
         if not self._half:
@@ -83,7 +83,7 @@ class SimulatedBase:
         return Command(0.5 * float(left + right), 0.5 * float(right - left) / self._half)
 
     def _measure(self) -> Pose2:
-        """Return a measured pose: uniform in a disc about the true position, and about the true yaw."""
+        """Return a measured pose: its position is uniform in a disc about the true one, its yaw in an interval."""
         area, angle, turned = self._noises.uniform(size=3).tolist()
         off, along = self.noise * math.sqrt(area), math.tau * angle
         x, y, yaw = self.pose

@@ -38,10 +38,10 @@ KEEPS = 0.1  # m between the surfaces of the robot and a person who waits before
 
 
 def farthest_off(limits: DriveLimits, delay: float = 0.0, slip: float = 0.0, noise: float = 0.0) -> float:
-    """Return the distance, m, from its plan that a simulated drive does not exceed.
+    """Return the largest distance, m, that is expected between a simulated robot and the pose where it should be.
 
-    It was chosen from simulations, and is tested in 300 random rooms; it is no theorem. Plan with a robot whose body is
-    larger by this distance, and the real one touches nothing that stands.
+    The formula was chosen from simulations and is tested in 300 random rooms; it is not proved. If you plan for a robot
+    whose body is larger by this distance, the real one should touch nothing that stands.
 
     limits  of the base
     delay   s, of commands; slip, share of the wheels' motion; noise, m, of measured positions
@@ -55,15 +55,15 @@ class Simulation:
 
     times     (N,)       s, from 0
     poses     (N, 3)     true poses: x m, y m, yaw rad
-    measured  (N, 3)     measured poses
+    measured  (N, 3)     measured poses: x m, y m, yaw rad
     commands  (N, 2)     speed m/s and turn rate rad/s
     people    (N, P, 4)  x m, y m, vx m/s, vy m/s; NaN for a person who is absent
     radius    m, of a person
     off       (N,)       m, distance from the pose of the plan at which the robot should be
-    bound     m, stated bound of ``off`` (:func:`farthest_off`)
+    bound     m, bound of ``off`` that was expected before the drive (:func:`farthest_off`)
     late      s, by which the robot was behind its plan, at most
     braked    s, during which it braked or stood because of people
-    contacts  sentences: when the robot touched what; empty if it touched nothing
+    contacts  sentences: the first contact with an obstacle, and with each person; empty if the robot touched nothing
     arrived   whether the plan was driven to its end
     planned   costs of the plan by criterion
     driven    costs of the true motion by criterion, among the people as they walked; empty if the robot has joints
@@ -108,7 +108,7 @@ def simulate(
     dt: float = 0.02,
     **disturbances: Any,
 ) -> Simulation:
-    """Return a simulated drive along a plan.
+    """Simulate one drive along a plan, and return what happened.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def simulate(
         leaves room for errors, and lets the real robot make up for slip
     people : list of :class:`hpop.world.Person`, or an object that moves people (:class:`hpop.simulation.Pedestrians`),
         such as :class:`hpop.simulation.Crowd`; default: the people of the problem, who wait before the robot
-    dt : s between commands
+    dt : s, time between commands
     disturbances : ``delay`` s, ``slip``, ``noise`` m and ``seed`` of :class:`hpop.simulation.SimulatedBase`
 
     Raises OptionError for invalid values, ModelError for a robot that does not drive on wheels or in the plane.
@@ -200,7 +200,7 @@ class _Drive:
         )
 
     def _must_brake(self) -> bool:
-        """Return whether going on would bring the robot nearer to a person than braking, and too near."""
+        """Return whether going on would bring the robot within `GUARD` m of a person, and nearer than braking would."""
         walking = np.array([one for one in self.walking if not math.isnan(one[0])], float).reshape(-1, 4)
         if not len(walking):
             return False
@@ -265,7 +265,11 @@ class _Drive:
     def _driven_costs(
         self, poses: FloatArray, velocities: FloatArray, times: FloatArray, people: FloatArray
     ) -> dict[str, float]:
-        """Return the costs of the true motion, among the people as they walked; {} if the robot has no curves."""
+        """Return the costs of the true motion; {} if the robot has no curves.
+
+        They count the people as they walked. If a person was absent for a time, or the people are not as many as those
+        of the problem, they count the people of the problem as predicted.
+        """
         kind = Drive().kind
         if kind not in self.robot.laws or not is_curve(self.robot.laws[kind]):
             return {}

@@ -51,7 +51,10 @@ class Command(NamedTuple):
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """Largest speeds and accelerations of a base: m/s, m/s², rad/s, rad/s²; of its wheels: m/s, m/s²."""
+    """Largest speeds and accelerations of a base: m/s, m/s², rad/s, rad/s²; of its wheels: m/s, m/s².
+
+    ``wheel_base`` is the distance between the wheels, m; 0 for a base of which no wheels are known.
+    """
 
     speed: float
     acceleration: float
@@ -82,7 +85,10 @@ class DriveLimits:
         return cls(speed, acceleration, *rates, base.wheel_base, base.wheel_speed, base.wheel_acceleration)
 
     def reached(self, last: Command, v: float, w: float, step: float) -> Command:
-        """Return the command nearest to (v, w) that the base reaches from the ``last`` one within ``step`` seconds."""
+        """Return the command towards (v, w) that the base reaches from the ``last`` one within ``step`` seconds.
+
+        v, w  m/s and rad/s; both are reduced by one factor if they exceed the largest speeds
+        """
         half = 0.5 * self.wheel_base
         share = max(1.0, abs(v) / self.speed, abs(w) / self.turn_rate, (abs(v) + half * abs(w)) / self.wheel_speed)
         dv, dw = v / share - last.v, w / share - last.w
@@ -98,8 +104,8 @@ class Tracker:
     """Tracking law for one trajectory, called at any rate from 10 Hz on; 50 Hz suits most bases.
 
     trajectory  the plan; its :meth:`~hpop.Trajectory.execution` is the reference
-    limits      of the base, if they are not those of the plan's model; a base that is faster than its plan can catch up
-    delay       s, after which a command takes effect, as far as it is known
+    limits      of the base; default: those of the plan's model. A base that is faster than its plan can catch up
+    delay       s, after which a command takes effect on the base, as well as you know it
     """
 
     def __init__(self, trajectory: Trajectory, *, limits: DriveLimits | None = None, delay: float = 0.0) -> None:
@@ -175,7 +181,10 @@ class Tracker:
         return 0.0 if math.isnan(self._now) or clock >= self.duration else max(0.0, self._now - clock)
 
     def clock(self, t: float) -> float:
-        """Return the time of the plan, s, at whose pose the robot should be at ``t``, among the last commands."""
+        """Return the time of the plan, s, at whose pose the robot should be at ``t``, s since the plan began.
+
+        It is less than ``t`` if the plan has waited for the robot. Use it for times near the last command.
+        """
         when = self._clock if not self._history else self._history[0][1]
         for begun, clock, _ in self._history:
             if begun <= t - self.delay + 1e-9:
@@ -193,7 +202,7 @@ class Tracker:
         return math.hypot(pose[0] - x, pose[1] - y)
 
     def finished(self, t: float) -> bool:
-        """Return whether the plan has ended by ``t``, and the last command was to stand."""
+        """Return whether the plan has ended by ``t``, and the last command was below 0.03 m/s and 0.03 rad/s."""
         return t >= self.duration and self._clock >= self.duration and max(map(abs, self._last)) < SLACK
 
     def _advance(self, t: float, step: float, ahead: float, turned: float) -> None:
@@ -220,7 +229,7 @@ class Tracker:
                 self._history.popleft()
 
     def _reachable(self, rate: float, step: float) -> float:
-        """Return the rate of the clock nearest to ``rate`` that the accelerations of the base allow."""
+        """Return the rate, s of the plan per s, nearest to ``rate`` that the accelerations of the base allow."""
         reached = 1.0
         for _ in range(3):  # the plan's speed after the step depends on the rate
             _, _, _, v, w = self.at(self._clock + reached * step)
@@ -256,7 +265,7 @@ class Tracker:
         return moved
 
     def _errors(self, here: FloatArray) -> tuple[float, float, float]:
-        """Return how far the reference is ahead, m, to the left, m, and turned to the left, rad, of a pose (3,)."""
+        """Return how far the reference is ahead of a pose (3,), m, to its left, m, and turned to the left, rad."""
         x, y, yaw, _, _ = self.at(self._clock)
         dx, dy, cos, sin = x - here[0], y - here[1], math.cos(here[2]), math.sin(here[2])
         return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(yaw - here[2], math.tau)
@@ -277,7 +286,9 @@ def _bounded(correction: float, most: float) -> float:
 
 
 def _spare(limits: DriveLimits, times: FloatArray, v: FloatArray, w: FloatArray) -> float:
-    """Return the share by which a base can be faster than a plan: 0.1 if it can do all in 1/1.1 of the time.
+    """Return the share by which a base can be faster than a plan: 0.1 if it can drive all of it 1.1 times as fast.
+
+    At most 1; negative if the base is slower than the plan.
 
     times, v, w  (N,)  s, m/s, rad/s: time, speed and turn rate of the plan
     """
@@ -298,8 +309,8 @@ def _spare(limits: DriveLimits, times: FloatArray, v: FloatArray, w: FloatArray)
 def _sampled(trajectory: Trajectory) -> tuple[FloatArray, FloatArray, list[float]]:
     """Return times (N,), s, and rows (N, 5) of the executed plan, and until when (N,), s, the base stands at each.
 
-    Rows have x m, y m, yaw rad, speed m/s and turn rate rad/s. The last is 0 while the base moves, and infinite at the
-    end.
+    Rows have x m, y m, yaw rad, speed m/s and turn rate rad/s. The times until which the base stands are 0 where it
+    moves, and infinite where it stands at the end.
     """
     done = trajectory.execution()
     times = np.linspace(0.0, done.duration, 1 + math.ceil(done.duration / SAMPLING))

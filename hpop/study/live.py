@@ -40,8 +40,8 @@ def record_name(design: Design, participant: str) -> str:
 def live_table(folder: Path, design: Design) -> tuple[dict[str, Cell], ...]:
     """Return a row for each live session that was recorded in a study's folder, in the order of participants.
 
-    Raises StudyError for a record that is too large, or belongs to no participant of the study; OutputError for a file
-    that is no record.
+    Raises StudyError for a record that is too large, or whose participant is unknown or has withdrawn; OutputError for
+    a file that is no record.
     """
     rows = []
     for path in sorted((folder / ANSWERS).glob("*-live-*.jsonl")):
@@ -64,8 +64,8 @@ def summary(events: Sequence[Mapping[str, Any]]) -> dict[str, Cell]:
     destinations, pushes, questions, wishes, stops  how often the driver asked for each
     offers        how often ways were offered
     ways          mean number of ways in an offer
-    choices       ways that were taken by choice; `chosen` counts them by the names of their cards
-    followed      pushes that a way could follow
+    choices       ways that the driver chose, without pushes; `chosen` counts them by the names of their cards
+    followed      pushes for which a way was found that follows them
     head          degrees that the driver's head turned left or right, per second; NaN without samples
     """
     count = Counter(event["event"] for event in events)
@@ -96,7 +96,7 @@ def summary(events: Sequence[Mapping[str, Any]]) -> dict[str, Cell]:
 
 
 def _chosen(events: Sequence[Mapping[str, Any]]) -> Counter[str]:
-    """Count the ways that the driver took by choice, by the name of the card, or "another way" without a card."""
+    """Count the ways that the driver chose, by the names of their cards; "another way" if it was on no card."""
     names: dict[int, str] = {}
     chosen = Counter[str]()
     for event in events:

@@ -50,7 +50,7 @@ class Passage:
 
     words   how a sentence names it after "passing": "left of the statue"
     shape   region; or, if ``across``, line of two points. m
-    within  m  a path that comes as near to the region passes through it
+    within  m, a path that comes at most this near to the region passes through it
     across  whether paths must cross the line, an odd number of times: a path that comes back does not pass there
     """
 
@@ -73,7 +73,10 @@ class Passage:
         return near
 
     def _crossed(self, x: FloatArray, y: FloatArray, to_x: FloatArray, to_y: FloatArray) -> BoolArray:
-        """Return which moves (M,) cross the line; a move that ends on the line does not, or one from there does."""
+        """Return which moves (M,) cross the line.
+
+        Positions on the line count as on its left side, so that two moves that meet on the line cross it at most once.
+        """
         (x0, y0), (x1, y1) = self.shape.coords
         length = float(np.hypot(x1 - x0, y1 - y0))
         along_x, along_y = (x1 - x0) / length, (y1 - y0) / length
@@ -174,7 +177,10 @@ class PassingGraph(TrajectoryGraph):
         return _heads(self.inner.heads, self.passing, self.inner.size, across=self.passage.across)
 
     def begins(self, start: int) -> int:
-        """Return what is added to the number of a start node: that of a layer if it lies in the region, else 0."""
+        """Return the offset by which a start node of the inner graph becomes one of this graph.
+
+        It is the size of the inner graph if the start lies in the region, so that the passage is already made; else 0.
+        """
         begin = self.inner.states(np.array([start]))
         return self.inner.size if self.passage.contains(begin.x, begin.y)[0] else 0
 
@@ -183,7 +189,7 @@ class PassingGraph(TrajectoryGraph):
         return self.layered(self.inner.graph(criteria))
 
     def layered(self, inner: Graph) -> Graph:
-        """Return the search graph, given the inner graph with its costs."""
+        """Return the search graph of both layers, given the search graph of the inner graph."""
         size = 2 * inner.arcs * (8 * inner.criteria + ARC)
         self.spending.hold(size, f"the layers before and after {self.passage.words} were built")
         costs = np.concatenate([inner.costs, inner.costs])
@@ -221,7 +227,7 @@ class PassingGraph(TrajectoryGraph):
         return self.inner.trajectories_through(ids % self.inner.size, sizes)
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason, as text, why no path from the start passes and ends at a goal."""
+        """Return, as text, why no path from the start makes the passage and then ends at a goal."""
         from scipy.sparse import csr_array  # on first use: the import takes its time
         from scipy.sparse.csgraph import breadth_first_order
 
@@ -246,14 +252,14 @@ class PassingGraph(TrajectoryGraph):
 def _heads(heads: IntArray | NDArray[np.int32], passing: BoolArray, count: int, *, across: bool) -> NDArray[np.int32]:
     """Return the heads (2 m,) of the arcs in both layers, from those (m,) of one layer of ``count`` nodes.
 
-    passing  (m,)  arcs that make the passage; if ``across``, they lead back from the second layer
+    passing  (m,)  arcs that make the passage: they lead from the first layer to the second; if ``across``, also back
     """
     second = heads + count * ~passing if across else heads + count
     return np.concatenate([heads + count * passing, second]).astype(np.int32)
 
 
 def passing_query(query: Query, passage: Passage) -> Query:
-    """Return the query for those paths of another query, in which no person moves, that pass somewhere."""
+    """Return a query that is restricted to the paths that make a passage; no person moves in it."""
     space = PassingGraph(query.space.model, query.space.world, query.space, passage, spending=query.space.spending)
     start, count = query.start + space.begins(query.start), query.space.size
     goals = [goal + count for goal in query.goals]
@@ -261,7 +267,7 @@ def passing_query(query: Query, passage: Passage) -> Query:
 
 
 class TimedPassing(TimedTour):
-    """Graph on a clock of the paths that pass somewhere: like that of a tour without stops, in two layers."""
+    """Two layers of a graph on a clock, before and after a passage; built as those of a tour, but without stops."""
 
     def blocked_stops(self) -> Iterator[str]:
         """Yield nothing: there are no stops."""
@@ -269,7 +275,7 @@ class TimedPassing(TimedTour):
 
     @classmethod
     def of(cls, timed: GraphOnClock, space: PassingGraph, ends: Sequence[int]) -> TimedPassing:
-        """Return the two layers of a graph on a clock; ``ends`` are the nodes of its goals."""
+        """Return the two layers of the graph on a clock ``timed``; ``ends`` are the nodes of its goals in one layer."""
         base, states_of = timed.graph, timed.arcs.states_of
         arcs, count = base.graph.arcs, base.graph.nodes
         space.spending.hold(2 * arcs * (8 * base.graph.criteria + ARC), f"the layers of {space.words} were built")
@@ -299,7 +305,7 @@ class TimedPassing(TimedTour):
 def timed_passing_query(
     built: BuiltGraph, passage: Passage, objectives: Objectives, problem: Problem, options: TimeOptions
 ) -> Query:
-    """Return the query for the paths that pass somewhere among the moving people of a problem.
+    """Return the query for the paths that make a passage, among the moving people of a problem.
 
     Raises the errors of :func:`.timed.timing.timed_query`, and QueryError for a problem with a tour.
     """
