@@ -37,7 +37,7 @@ MOST_PHRASES = 2
 
 @dataclass(frozen=True, eq=False)
 class Ways:
-    """Trajectories to choose from: the points of a front and perhaps, as the last one, the present plan.
+    """Trajectories to choose from: the points of a front, and as the last one the present plan if it is dominated.
 
     trajectories  (n,)
     costs         (n, k)  as re-evaluated for the front

@@ -60,7 +60,7 @@ def flag(value: Any) -> bool:
 
 
 def role(value: Any) -> str:
-    """Return a role; ValueError for anything else."""
+    """Return the role that a viewer wants, "drive" or "watch"; ValueError for anything else."""
     if value not in ("drive", "watch"):
         raise ValueError("drive or watch")
     return str(value)

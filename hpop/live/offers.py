@@ -27,7 +27,8 @@ class Offer:
     ways     the ways, and their front
     time     s, time of the session at which they begin
     place    (x, y) where they begin, m
-    status, certificate, gap  of the search that found them: what is proved of the ways
+    status, certificate, gap  of the search that found them; the gap is relative: for every cost vector that is missing,
+             one of the ways is at most a factor 1 + gap worse; infinite if nothing is proved
     before   the present plan from its beginning to ``place``; None if the robot stands
     problem  planning problem of a new destination; None for ways of the present drive
     options  options of the present drive; None for a new destination

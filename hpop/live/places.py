@@ -100,7 +100,7 @@ def start_on_graph(pose: tuple[float, ...], graph: StateGraph | None, model: Mod
 
 
 def _single(goal: Mapping[str, Any], problem: Problem, closed: Sequence[Closing]) -> Destination:
-    """Check a destination without stops."""
+    """Check a destination without stops: {x, y} or {landmark}."""
     model, world = problem.model, problem.world
     if "landmark" in goal:
         mark = next((m for m in world.content.landmarks if m.name == goal["landmark"]), None)

@@ -308,7 +308,7 @@ class LivePlanner:
     # Changes of the world
 
     def close(self, now: float, pose: Pose, area: Any, name: str = "") -> Iterator[Message]:
-        """Close an area, given by name or by corners."""
+        """Close an area: the name of a zone, or corners (x, y), m; ``name`` is the name by which it can be opened."""
         yield from self._change(now, pose, "close", area, name)
 
     def open(self, now: float, pose: Pose, area: Any) -> Iterator[Message]:

@@ -254,7 +254,7 @@ class LiveSession(Audience):
     # What the planner says
 
     def _planned(self, message: dict[str, Any]) -> None:
-        """Handle a message of the planner."""
+        """Handle a message of the planner's process: drive its plan, update the session, tell the viewers."""
         match message["type"]:
             case "plan":
                 self._follow(message)
@@ -290,7 +290,7 @@ class LiveSession(Audience):
                 self.tell(message)
 
     def _follow(self, message: Mapping[str, Any]) -> None:
-        """Let the robot follow a plan."""
+        """Let the robot follow the plan of a message "plan", and record it."""
         trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
         elapsed = message["elapsed"] + self.now - message["now"]
         self.robot.follow(trajectory, elapsed, arrives=message["arrives"])

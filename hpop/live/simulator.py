@@ -131,13 +131,13 @@ class LiveRobot:
         return float(times[near[-1] if self.stands else near[np.argmin(np.abs(times[near] - elapsed))]])
 
     def ahead(self, seconds: float) -> tuple[float, float]:
-        """Return where the robot is on its plan some seconds from now, x and y, m."""
+        """Return the position (x, y), m, at which the robot will be on its plan some seconds from now."""
         if self._tracker is None:
             return self.base.pose[:2]
         return self._tracker.at(self.clock + seconds)[:2]
 
     def advance(self, now: float, *, brakes: bool) -> None:
-        """Drive on to the time ``now`` of the session, s, or brake."""
+        """Move on to the time ``now`` of the session, s, and follow the plan, or brake and stand if ``brakes``."""
         self._now = now
         self.base.advance(now)
         if self._tracker is None:
@@ -203,5 +203,5 @@ class ToldPeople:
         )
 
     def keep(self, people: Sequence[Walking], now: float) -> None:
-        """Remember what the planner is told."""
+        """Remember people as they are reported to the planner at a time ``now`` of the session, s."""
         self._people, self._at = list(people), now

@@ -335,7 +335,7 @@ def _cost(name: str, front: Front) -> str:
 
 
 def spoken(name: str) -> str:
-    """Return the name of a cost in words."""
+    """Return the name of a cost with spaces for underscores."""
     return name.replace("_", " ")
 
 

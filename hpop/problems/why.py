@@ -363,7 +363,7 @@ class _Comparison:
 
     @property
     def _subject(self) -> str:
-        """Return the subject of the sentence."""
+        """Subject of the sentence, such as "Passing left of the statue with fewer turns"."""
         limit = "" if self.limit is None else f" with {self.limit.words}"
         return f"A path{limit}" if self.passage is None else f"Passing {self.passage.words}{limit}"
 

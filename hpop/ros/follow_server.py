@@ -103,7 +103,7 @@ class FollowServer(MessageServer):
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _accept(self, message: Mapping[str, Any]) -> None:
-        """Follow a goal; one that is invalid is aborted at once."""
+        """Follow the goal of an action message; an invalid goal is aborted at once."""
         action = self._checked_action(message)
         goal = protocol.goal_id(message)
         try:

@@ -56,7 +56,7 @@ class _UnderWay:
 
     @classmethod
     def of(cls, trajectory: Trajectory, delay: float, begin: float) -> _UnderWay:
-        """Return the drive along a trajectory."""
+        """Return the plan along a trajectory, whose robot leaves at ``begin``, s, and obeys after ``delay``, s."""
         run = trajectory.execution()
         states = run.at(np.minimum(np.arange(0.0, run.duration + CHECKED, CHECKED), run.duration))
         far = np.append(0.0, np.cumsum(np.hypot(np.diff(states.x), np.diff(states.y))))
