@@ -78,7 +78,7 @@ class LivePlanner:
 
     @property
     def graph(self) -> StateGraph | None:
-        """The graph on which the robot is planned, without starts and goals; None if there is none that is kept."""
+        """Graph on which ways are searched, without starts and goals; None if the planner keeps none."""
         family = self.planning.planner.graph_of_drives
         return None if family is None else family.states(self.template)
 

@@ -10,7 +10,7 @@ from hpop.live.viewer import Audience
 
 
 class Replay(Audience):
-    """A recorded session, which begins again when the first viewer comes after its end.
+    """A recorded session, which begins again when a viewer comes after its end.
 
     events  of the record (:func:`.record.read_record`)
     """
@@ -26,7 +26,7 @@ class Replay(Audience):
         self._comes.set()
 
     async def run(self) -> None:
-        """Tell the events again and again, each time from when a viewer is there."""
+        """Show the session until this task is cancelled; it begins when a viewer is there, and again after its end."""
         while True:
             self._comes.clear()
             if not any(viewer.greeted for viewer in self.viewers):

@@ -35,7 +35,7 @@ class LiveServer(PageServer):
     """Server of a live session.
 
     session  the session; it runs while the server serves
-    driving, watching  tokens; made if not given
+    driving, watching  secret tokens in the addresses of viewers who may drive, and of those who watch; random if ""
     """
 
     def __init__(

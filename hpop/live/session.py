@@ -59,8 +59,8 @@ class LiveSession(Audience):
 
     problem   of the scenario: map, robot, start and people
     scene     message "scene" without the role
-    planner   client of the planner's process
-    record    file of the events
+    planner   returns the client of the planner's process, given the function that takes the planner's messages
+    record    file to which the events are written
     """
 
     def __init__(

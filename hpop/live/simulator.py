@@ -42,7 +42,7 @@ class SimulatorOptions:
 
     delay  s, after which a command takes effect
     slip   largest share by which a wheel drives less far than it turns
-    noise  m, of measured positions
+    noise  m, largest error of measured positions
     crowd  number of people who walk about and avoid the robot; 0 for the people of the scenario
     seed   of all random numbers
     """
@@ -55,7 +55,7 @@ class SimulatorOptions:
 
 
 class AnnouncedTurn(NamedTuple):
-    """A turn of the executed plan: its begin, s, and its angle, rad, left positive."""
+    """A turn of the executed plan: the time of the plan at which it begins, s, and its angle, rad, left positive."""
 
     begin: float
     angle: float

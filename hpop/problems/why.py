@@ -188,7 +188,7 @@ def _searched(
 
 @dataclass(frozen=True, eq=False)
 class _Matches:
-    """Rows of a front that match each of some paths (a,); NONE if there is none.
+    """For each of some paths (a,), rows of a front that are at least as good; NONE if there is none.
 
     equal   (a,)  first row with the costs of the path
     better  (a,)  row that is as good as the path in each cost and better in one, with the least loss

@@ -61,7 +61,7 @@ class Simulation:
     radius    m, of a person
     off       (N,)       m, distance from the pose of the plan at which the robot should be
     bound     m, bound of ``off`` that was expected before the drive (:func:`farthest_off`)
-    late      s, by which the robot was behind its plan, at most
+    late      s, largest time by which the robot was behind its plan
     braked    s, during which it braked or stood because of people
     contacts  sentences: the first contact with an obstacle, and with each person; empty if the robot touched nothing
     arrived   whether the plan was driven to its end

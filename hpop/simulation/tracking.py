@@ -136,7 +136,8 @@ class Tracker:
     def command(self, t: float, pose: tuple[float, float, float] | None) -> Command:
         """Return the command at ``t``, s since the plan began, for a measured pose (x m, y m, yaw rad) in the world.
 
-        Times must not decrease. Without a pose, the estimate is continued from the commands so far.
+        Times must not decrease. Without a pose, the estimate is continued from the commands so far. After more than
+        0.25 s without a call, the robot is taken to have stood.
         """
         step = 0.0 if math.isnan(self._now) else max(0.0, t - self._now)
         if step > LONGEST_STEP:

@@ -94,7 +94,7 @@ class Passage:
         return np.asarray(shapely.dwithin(shapely.points(x, y), self.shape, self.within))
 
     def holds(self, trajectories: Sequence[Trajectory]) -> BoolArray:
-        """Return which trajectories (n,) of a model pass; curves are sampled."""
+        """Return which trajectories (n,) pass; curves are sampled."""
         parts = [_places(trajectory) for trajectory in trajectories]
         if not parts:
             return np.zeros(0, np.bool_)
@@ -119,7 +119,7 @@ def _places(trajectory: Trajectory) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class PassingGraph(TrajectoryGraph):
-    """Two copies of a graph, before and after a passage; node v of the inner graph of n nodes is n + v in the second.
+    """Two copies of an inner graph, before and after a passage; of n nodes, node v is v in the first, else n + v.
 
     inner    graph whose arcs are straight moves, or motions in place
     passage  where paths must pass
