@@ -110,6 +110,9 @@ def simulate(
 ) -> Simulation:
     """Simulate one drive along a plan, and return what happened.
 
+    The simulation ends when the plan is driven, or after 3 times its duration plus 20 s, as when a person stays in the
+    way.
+
     Parameters
     ----------
     problem : the problem of the plan

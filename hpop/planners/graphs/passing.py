@@ -119,7 +119,7 @@ def _places(trajectory: Trajectory) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class PassingGraph(TrajectoryGraph):
-    """Two copies of an inner graph, before and after a passage; of n nodes, node v is v in the first, else n + v.
+    """Two copies of an inner graph of n nodes, before and after a passage: node v is v in one, n + v in the other.
 
     inner    graph whose arcs are straight moves, or motions in place
     passage  where paths must pass
