@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
 
@@ -16,7 +17,7 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from hpop.live.record import read_record
 from hpop.live.server import LiveServer
 from hpop.live.viewer import BURST, Audience
-from tests.live.conftest import Page
+from tests.live.conftest import WAIT, Page
 
 
 @pytest.fixture
@@ -89,8 +90,10 @@ def test_watchers_leave_room_for_a_driver_and_a_session_that_fails_ends_its_serv
     while session.join(may_drive=False):
         pass
     assert session.join(may_drive=True)
-    with LiveServer(session) as server, pytest.raises(RuntimeError, match="disk full"):
-        server.serve_forever()
+    with LiveServer(session) as server, ThreadPoolExecutor(1) as pool:  # the main thread may have a browser's loop
+        ended = pool.submit(server.serve_forever)
+        with pytest.raises(RuntimeError, match="disk full"):
+            ended.result(WAIT)
 
 
 @pytest.mark.proof
