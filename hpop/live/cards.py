@@ -163,7 +163,8 @@ def words(ways: Ways, row: int, quickest: int) -> str:
     for name, own, other in zip(ways.front.names, ways.costs[row], ways.costs[quickest], strict=True):
         if name in PLAIN or abs(own - other) <= ALIKE * other:
             continue
-        phrases.append(f"{own / other:.1f} times the {_label(name)}" if other > 0 else f"more {_label(name)}")
+        times = f"{own / other:.1f} times the" if other > 0 else "more"
+        phrases.append(f"{'almost no' if times.startswith('0.0 ') else times} {_label(name)}")
     return ", ".join(phrases[: 2 + MOST_PHRASES])
 
 

@@ -92,6 +92,8 @@ class LiveSession(Audience):
         self._pushed_at = 0.0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
         self._has_arrived, self._announced = True, 0
+        self._is_planless = False  # whether the planner does not know the plan that the robot would follow
+        self._repeats = 0  # how often the destination was asked again without an answer
         self._last_turn = (-math.inf, 0.0)  # time of the session at which it begins, s, and its angle, rad
 
     # Time
@@ -206,6 +208,8 @@ class LiveSession(Audience):
         if viewer is not self.driver and kind not in WATCHING:
             viewer.refuse("another viewer drives; this page watches")
             return
+        if kind == "head" and viewer is not self.driver:
+            return  # the record holds where the driver looks
         self._log(kind, viewer, values)
         if kind != "head":
             self._act(kind, values, self.now)
@@ -215,6 +219,8 @@ class LiveSession(Audience):
         match kind:
             case "stop":
                 self.stopped, self._starts = True, False
+            case "go" if self._is_planless and not self._has_arrived:
+                self.note("the planner does not know the last way any more; choose a way to go on")
             case "go":
                 self.stopped = False
             case "setting":
@@ -262,16 +268,22 @@ class LiveSession(Audience):
                 self._ready()
             case "crashed":
                 self.stopped = self.stopped or not self._has_arrived  # the next planner does not know the plan
-                self._starts, self._told_people = False, ToldPeople()
+                self._starts, self._told_people, self._is_planless = False, ToldPeople(), True
+                if self._repeats:
+                    self._goal, self._repeats = None, 0
+                    self.note("the destination ended the planner twice, and is not asked for again; choose another")
                 self.note(
                     "the planner has ended by itself and is started again; the robot stops, and what was asked last "
                     "may be lost: look at what is closed, then choose a way"
                 )
             case "lost":
-                self.stopped = True  # closed areas would not be avoided any more
+                self.stopped = self._is_planless = True  # closed areas would not be avoided any more
                 self.note("the robot has left its plan and stops; choose a destination anew")
+            case "place":
+                self._repeats = 0
+                self.tell(message)
             case "options":
-                self._plan = message["present"]
+                self._repeats, self._plan = 0, message["present"]
                 self.tell(message)
             case "pushed":
                 self.tell({**message, "milliseconds": round(1000.0 * (self.now - self._pushed_at), 1)})
@@ -294,7 +306,7 @@ class LiveSession(Audience):
         trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
         elapsed = message["elapsed"] + self.now - message["now"]
         self.robot.follow(trajectory, elapsed, arrives=message["arrives"])
-        self._has_arrived = self._announced = False
+        self._has_arrived = self._announced = self._is_planless = False
         self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
 
     def _ready(self) -> None:
@@ -303,6 +315,7 @@ class LiveSession(Audience):
         if self._closed is not None:
             self._ask("restore", closed=self._closed)
         if self._goal is not None:
+            self._repeats += 1
             self._ask("destination", goal=self._goal)
 
     def _renew(self, now: float) -> None:

@@ -20,6 +20,8 @@ from hpop.world import Person
 
 Pose = tuple[float, float, float]
 
+WATCHDOG = 0.5
+"""Time, s, without a command after which the simulated base brakes by itself."""
 NEAR = 4.0
 """Time, s, around the expected one, within which the place of the robot on a new plan is looked for."""
 SAMPLED = 0.02
@@ -138,6 +140,10 @@ class LiveRobot:
 
     def advance(self, now: float, *, brakes: bool) -> None:
         """Move on to the time ``now`` of the session, s, and follow the plan, or brake and stand if ``brakes``."""
+        if now - self._now > WATCHDOG:  # the server was paused: as a real base, this one has stopped by itself
+            self.base.advance(self._now + WATCHDOG)
+            self.base.command(0.0, 0.0, self._now + WATCHDOG - self._delay)
+            self.base.advance(self._now + WATCHDOG + self.braking)
         self._now = now
         self.base.advance(now)
         if self._tracker is None:

@@ -97,12 +97,16 @@ def summary(events: Sequence[Mapping[str, Any]]) -> dict[str, Cell]:
 
 def _chosen(events: Sequence[Mapping[str, Any]]) -> Counter[str]:
     """Count the ways that the driver chose, by the names of their cards; "another way" if it was on no card."""
+    offers: dict[Any, dict[int, str]] = {}
     names: dict[int, str] = {}
     chosen = Counter[str]()
     for event in events:
         message = event.get("message", {})
         if message.get("type") == "options":
             names = {card["option"]: str(card["name"]) for card in reversed(message["cards"])}
+            offers[message.get("asked")] = names
+        elif event["event"] == "take":
+            names = offers.get(event.get("asked"), names)
         elif message.get("type") == "taken" and message["by"] == "choice":
             chosen[printable(names.get(message["option"], "another way"))] += 1
     return chosen

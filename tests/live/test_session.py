@@ -16,7 +16,11 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from hpop.live.record import read_record
 from hpop.live.server import LiveServer
+from hpop.live.simulator import WATCHDOG, LiveRobot, SimulatorOptions
 from hpop.live.viewer import BURST, Audience
+from hpop.models import DifferentialDrive
+from hpop.simulation import DriveLimits
+from hpop.trajectories.trajectory import Trajectory
 from tests.live.conftest import WAIT, Page
 
 
@@ -107,11 +111,29 @@ def test_a_crash_of_the_planner_is_told_and_the_drive_can_go_on(server: LiveServ
     page.until("state", lambda state: state["braked"] == "stopped")
     first = page.until("state", lambda state: not state["moving"])
     page.say("go")
-    still = page.until("state", lambda state: state["braked"] == "the planner is being started")
-    assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)
+    page.until("note", lambda message: "choose a way to go on" in message["words"])
     page.until("closed", lambda message: message["names"] == ["a corner"])
     again = page.until("options")
     assert again["commit"]["x"] == pytest.approx(first["x"], abs=0.01)
+    still = page.until("state")
+    assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)
+    page.say("take", option=0)
+    page.until("state", lambda state: state["moving"])
+
+
+def test_a_simulated_base_that_nobody_commands_brakes_by_itself() -> None:
+    """As after Ctrl-Z of the server: the pause may be long, the way is that of the watchdog and of braking."""
+    model = DifferentialDrive(radius=0.2)
+    robot = LiveRobot(model, (0.0, 0.0, 0.0), SimulatorOptions())
+    robot.follow(Trajectory.from_poses(model, [(0, 0, 0), (50, 0, 0)]), 0.0, arrives=True)
+    for i in range(201):
+        robot.advance(0.02 * i, brakes=False)
+    before, v = robot.pose[0], robot.base.velocity.v
+    assert v == pytest.approx(DriveLimits.of(model).speed, rel=1e-3)
+    robot.advance(60.0, brakes=False)
+    least = v * WATCHDOG + v**2 / (2.0 * DriveLimits.of(model).acceleration)
+    assert robot.pose[0] - before == pytest.approx(least, rel=1e-6)
+    assert robot.stands
 
 
 def test_the_robot_brakes_when_the_driver_is_silent_and_the_next_viewer_drives(server: LiveServer, page: Page) -> None:

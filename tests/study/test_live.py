@@ -81,6 +81,14 @@ def test_a_summary_counts_what_the_viewer_did() -> None:
     }
 
 
+def test_a_choice_is_named_by_the_card_of_the_offer_that_was_asked() -> None:
+    """A newer offer may come before the page's choice does; its way 2 has another name."""
+    old = [told(1.0, "options", asked=1.0, cards=CARDS, all=[{}, {}, {}])]
+    new = [told(2.0, "options", asked=2.0, cards=[{"option": 2, "name": "quickest"}], all=[{}, {}, {}])]
+    chosen = [event(2.1, "take", viewer=1, option=2, asked=1.0), told(2.2, "taken", option=2, by="choice", words="")]
+    assert summary([*EVENTS[:1], *old, *new, *chosen])["chosen"] == "gentlest 1"
+
+
 def test_a_session_that_ended_at_once_has_a_summary() -> None:
     found = summary(EVENTS[:1])
     assert (found["metres"], found["offers"], found["chosen"]) == (0.0, 0, "none")
