@@ -38,7 +38,9 @@ def scene_of(problem: Problem, title: str) -> dict[str, Any]:
                 "label": label(c.name, c.unit, c.unit == "1" and c.quantum == 1.0, c.quantity),
                 "unit": printable(c.unit),
             }
-            for c in problem.criteria
+            for criterion in problem.criteria
+            for c in (criterion, criterion.integral)  # ways may cost the integral that stands in for a mean
+            if c is not None
         ],
         "regions": _regions(problem),
         "landmarks": [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import pytest
 
 from hpop.cli.live_planner import answers
 from hpop.live.planner import LivePlanner
+from hpop.live.scene import scene_of
 from hpop.scenario import load_scenario
 from hpop.trajectories.trajectory import Trajectory
 from tests.worlds import TWO_WALLS
@@ -39,6 +41,15 @@ def test_a_free_place_is_reachable_and_its_ways_are_offered(planner: LivePlanner
     assert options["cards"][0]["name"] == "knee"
     costs = np.array([list(way["costs"].values()) for way in ways])
     assert not any(((other <= row).all() and (other < row).any()) for row in costs for other in costs)
+
+
+def test_the_scene_knows_the_unit_of_every_cost_of_the_ways(planner: LivePlanner) -> None:
+    """Ways of a lattice cost the exposure that stands in for the mean obstruction."""
+    problem = replace(planner.template, criteria=("obstruction", "turns", "length"))
+    units = {one["name"]: one["unit"] for one in scene_of(problem, "room")["criteria"]}
+    front = problem.solve("lattice", step=1.0)
+    assert "obstruction" not in front.names
+    assert {name: units[name] for name in front.names} == {"exposure": "s", "turns": "1", "length": "m"}
 
 
 def test_a_blocked_place_leads_to_the_nearest_free_one(planner: LivePlanner) -> None:
