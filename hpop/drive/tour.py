@@ -42,8 +42,8 @@ class TourProgress:
     """Stops of a tour that are done at some time of a drive.
 
     tour         the tour, with the stops that are done
-    since        s, time of the plan; what was driven before it counts for no further visit
-    visits       visits so far, in order of time, in times of the drive
+    since        s since the plan began; motion of the plan before this time counts for no further visit
+    visits       visits so far, in order of time; their times are seconds since the drive began
     passed_over  names of the optional stops that were missed because a later stop was visited
     skipped      names of the stops that were skipped on request, in this order
     """

@@ -229,7 +229,11 @@ def nav2_yaml(given: Exported) -> bytes:
 
 
 def _components(names: str, values: Sequence[float], always: str) -> str:
-    """Return components of a vector as YAML, such as {x: 1.0}; zeros are left out unless named in ``always``."""
+    """Return components of a vector as YAML with 9 decimals; zeros are left out unless named in ``always``.
+
+    >>> _components("xyz", (1, 0, 0), ""), _components("xy", (0.5, 0), "y")
+    ('{x: 1.000000000}', '{x: 0.500000000, y: 0.000000000}')
+    """
     rounded = {name: round(value, DIGITS) + 0.0 for name, value in zip(names, values, strict=True)}  # no -0.0
     told = [f"{name}: {value:.{DIGITS}f}" for name, value in rounded.items() if value or name in always]
     return f"{{{', '.join(told)}}}"

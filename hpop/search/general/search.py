@@ -241,9 +241,10 @@ class General(HeapSearch):
         return [*tables, self.sets, self.pool, *super().arrays()]
 
     def growth(self, code: int) -> tuple[int, Callable[[], None]]:
-        """Return how many bytes more are needed, and a function that doubles the pool of the sets or grows the heap.
+        """Return how many bytes more are needed, and a function that makes the array larger that was too small.
 
-        ``code`` is the return value of a kernel that ran out of room: ROWS, HEAP or KEYS.
+        ``code`` is the return value of the kernel that ran out of room. ROWS: the pool of the sets is doubled. HEAP:
+        the heap is doubled. KEYS: the keys of the heap are widened.
         """
         if code == ROWS:
             return self.pool.nbytes, self._grow_pool

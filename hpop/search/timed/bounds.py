@@ -1,9 +1,10 @@
 """Computation of the joint bounds of a query, and of first solutions: the best paths for the weights of these bounds.
 
-Joint bounds are lower bounds of several remaining costs together (:mod:`.joint`), computed by a sweep over all states
-(nodes at ticks). A lane is one of the LANES weight vectors of a table. Before a long sweep, a smaller one covers only
-nodes near a best path. Its paths are paths of the graph, so they are early solutions. A node is left out of the long
-sweep if, in every cost, even the cheapest path through it, at any tick, costs no less than one of these solutions.
+Joint bounds are lower bounds of weighted sums of the remaining costs (:mod:`.joint`). They are computed by a sweep over
+all states (nodes at ticks), from the last tick to the first. A lane is one of the LANES weight vectors of a table.
+Before a long sweep, a smaller one covers only nodes near a best path. Its paths are paths of the graph, so they are
+early solutions. A node is left out of the long sweep if, in every cost, even the cheapest path through it, at any tick,
+costs no less than one of these solutions.
 """
 
 from __future__ import annotations
@@ -102,9 +103,14 @@ class Prices(NamedTuple):
 class TimedJointBounds:
     """Computation of the tables of joint bounds on a time-dependent graph, and of first solutions.
 
-    weights, rows, sweeps  for each table: its weights (LANES, k), its rows, and the arrays with which it was swept
-    seeds                  solutions known so far
-    layout                 which row of the tables belongs to which node and tick
+    A joint bound is a lower bound of a weighted sum of the costs that remain from a node at a tick. A table has the
+    bounds of all needed nodes and ticks, for LANES vectors of weights. It is computed from the last tick to the first.
+
+    weights  for each table: its vectors of weights (LANES, k)
+    rows     for each table: the bounds (r, LANES), a row for each node and tick
+    sweeps   for each table: the working arrays of its computation
+    seeds    first solutions: paths that are best for some of the weights, and solutions known before
+    layout   which row of the tables belongs to which node and tick
     """
 
     def __init__(

@@ -237,9 +237,11 @@ class CorridorProgram:
         return None
 
     def _inside(self, vertices: FloatArray) -> FloatArray:
-        """Return vertices (n+1, 2) moved exactly into the overlaps of regions and onto the rays.
+        """Return vertices (n+1, 2), moved to the nearest allowed positions; solvers return them with small errors.
 
-        Solvers keep to these only roughly.
+        An inner vertex is allowed in the overlap of the regions of its two segments. If the robot may not turn at the
+        start, the vertex after the start must also lie on the ray from the start along the robot's heading there.
+        Likewise, the vertex before the goal may have to lie on a ray from the goal, against the heading there.
         """
         moved = vertices.copy()
         for i, overlap in enumerate(self.corridor.overlaps, start=1):
