@@ -263,8 +263,9 @@ class PlanarModel(Model):
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
         """Return the motion that the robot really makes for a planned trajectory of n motions.
 
-        Consecutive moves in one straight line are joined, and each motion goes from rest to rest. Also return the times
-        (n+1,), s, at which it passes the planned states.
+        Consecutive moves in one straight line are joined to one run, from rest to rest; with several speeds, a run
+        also contains the changes of speed on its way. Also return the times (n+1,), s, at which the executed motion
+        passes the planned states.
         """
         if self.speed_classes:
             return class_execution(trajectory, self.executed)

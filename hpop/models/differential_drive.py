@@ -242,7 +242,7 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def wheel_acceleration(self) -> float:
-        """Largest acceleration of a wheel, m/s²: the smallest that allows straight moves and turns in place."""
+        """Acceleration limit of each wheel, m/s²: just enough for straight moves and turns in place at their limits."""
         return max(self.acceleration, 0.5 * self.wheel_base * self.turn_acceleration)
 
     @cached_property

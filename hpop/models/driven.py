@@ -39,8 +39,9 @@ NODES = gauss(6)
 class Drive(LawDefaults):
     """Law of curves with constant wheel accelerations.
 
-    The end state should be the one that speeds, turn rates and duration give. It may differ by a solver's tolerance;
-    this difference is spread evenly over the motion, which then begins and ends exactly in the given states.
+    The end position and heading should be those that follow from the start and from the speeds, turn rates and clock
+    of both ends. They may differ by a solver's tolerance; this difference is spread evenly over the motion, which then
+    begins and ends exactly in the given states.
     """
 
     kind: str = "drive"

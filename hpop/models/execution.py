@@ -170,7 +170,8 @@ def _executed_ends(planned: Trajectory, executed: Mapping[str, str]) -> tuple[li
 def _continues(law: Law, states: States, begin: int, i: int) -> bool:
     """Return whether motion i continues, in one straight line, the executed motion that began at state ``begin``.
 
-    Motions in place never do.
+    Other states that ``law`` changes, such as a yaw, must change equally per metre in both. Motions in place never
+    continue another.
     """
     if not {"x", "y"} <= law.varies:
         return False

@@ -75,7 +75,7 @@ class Joint:
 
     @property
     def stroke(self) -> float:
-        """Largest horizontal distance by which a slide moves its load, m; 0 for lifts and hinges."""
+        """Largest distance, m, of a slide's load from its place at the joint value 0; 0 for lifts and hinges."""
         return max(abs(self.low), abs(self.high)) if self.along in ("ahead", "left") else 0.0
 
 
@@ -297,9 +297,11 @@ def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple
 
 
 def _motions_along_axis(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-    """Return the begins and ends, as state numbers, of motions between any two states that differ along one axis only.
+    """Return where motions begin and where they end, as state numbers: between any two states that differ in one value.
 
-    number  state number of each combination of heading and joint values
+    number  state number of each combination of heading and joint values, with one axis for the headings and one for
+            each joint
+    axis    axis of the heading or joint that differs
     """
     lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
     a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))

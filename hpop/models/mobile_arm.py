@@ -212,7 +212,10 @@ class MobileArm(OnBase, Model):
 
     @property
     def paces(self) -> tuple[Mapping[str, str], ...]:
-        """Runs at each speed of the base with reaches at each share of the arm's speeds, if there are several."""
+        """Speeds for whole motions: each speed of the base with each share of the arm's speeds; () for one pair.
+
+        Each is a mapping from kinds of motion to the kinds that replace them, from slow to fast.
+        """
         runs = [{self._run: kind} for kind in self._run_speeds] or [{}]
         both = tuple({**run, **reach} for run in runs for reach in self.arm.paces or [{}])
         return both if len(both) > 1 else ()
@@ -238,7 +241,10 @@ class MobileArm(OnBase, Model):
         return self.arm.apart | self._touching
 
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
-        """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
+        """Return the arguments of a collision test: chain, parts, pairs of links that are not tested, and ``world``.
+
+        Objects that the world attaches to links are among the parts. Its rules for links change the pairs.
+        """
         own = self._with_attached(world)
         touching = own.arm.touching | own._touching
         return own.chain, own.parts, pairs_apart(own.parts, own.apart, touching, world.link_rules), world

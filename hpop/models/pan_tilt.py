@@ -134,7 +134,7 @@ def _pan_values(space: StateSpace, yaw: FloatArray) -> FloatArray:
 
 
 def _distance_to_multiple(angles: FloatArray, step: float) -> FloatArray:
-    """Return the signed differences (N,), rad, between angles and the nearest multiple of ``step``."""
+    """Return each of the angles (N,), rad, minus the nearest multiple of ``step``."""
     return np.asarray(angles - step * np.round(angles / step))
 
 
@@ -142,6 +142,10 @@ def _unwind_motions(
     number: IntArray, space: StateSpace, yaw: FloatArray, pans: FloatArray
 ) -> tuple[IntArray, IntArray]:
     """Return the state numbers at which "unwind" motions begin, and those at which they end.
+
+    number  (H, P, T)  state number of each combination of heading, pan and tilt
+    yaw     (H,)       headings, rad
+    pans    (P,)       pans, rad
 
     In such a motion the base turns and the head turns back by the same angle, so both pans must exist in the lattice.
     """
@@ -170,9 +174,9 @@ class PanTilt(OnBase, PlanarModel):
 
     The head moves while the base stands (laws "pan" and "tilt"). While the base turns in place, the head either turns
     with it ("turn"), or turns back by the same angle so that the view does not change ("unwind"). A motion of the head
-    lasts its rest-to-rest time plus v/a, the time that the base loses by stopping and starting again (v and a are its
-    speed and acceleration); for a base with several speeds, planned changes of speed last this time instead. During
-    "unwind", base and head keep the limits of both.
+    lasts its rest-to-rest time plus v/a, the time that the base loses by stopping and starting again (v and a are the
+    base's speed and acceleration). A base with several speeds has planned changes of speed instead, so v/a is not
+    added. During "unwind", base and head keep the limits of both.
     """
 
     joints: ClassVar[tuple[str, ...]] = ("pan", "tilt")

@@ -47,7 +47,10 @@ class Ramp(LawDefaults):
         return {name: getattr(end, name) - getattr(start, name) for name in self.limits}
 
     def length(self, start: States, end: States) -> Column:
-        """Return the length (M,) of each motion: its duration at full speed, s."""
+        """Return the length (M,) of each motion, s: the norm of the times that its changes take at full speed.
+
+        With one changing state, it is the duration at full speed.
+        """
         ways = self.changes(start, end)
         return norm([ways[name] / speed for name, (speed, _) in self.limits.items()])
 
@@ -81,7 +84,10 @@ class Ramp(LawDefaults):
         return np.where(wrong, np.inf, 0.0)
 
     def excess(self, start: States, end: States) -> FloatArray:
-        """Return the largest share (M,) of a limit of speed or acceleration that each motion uses."""
+        """Return the largest ratio (M,), in each motion, of a speed or acceleration to its limit.
+
+        Above 1 a limit is exceeded; 0 for a motion of length 0.
+        """
         length = np.asarray(self.length(start, end))
         safe, fastest = np.where(length > 0, length, 1.0), np.maximum(start.pace, end.pace)
         change = np.abs(end.pace**2 - start.pace**2) / (2.0 * safe)
@@ -208,7 +214,10 @@ def ramps_of(laws: Mapping[str, Law], change: Law | None = None, speeds: Sequenc
 
 
 def limits_of(model: Model) -> dict[str, tuple[float, float]]:
-    """Return the largest speed and acceleration of each state that the ramps of a model change, by name."""
+    """Return the largest speed and acceleration of each state that some law of free speed (ramp) changes, by name.
+
+    The distance driven counts as a state called "way", in m. A model without ramps gives an empty dict.
+    """
     found = dict[str, tuple[float, float]]()
     for law in model.laws.values():
         if isinstance(law, Ramp):

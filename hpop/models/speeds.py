@@ -210,9 +210,10 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
 
 
 def _lasting(ends: FloatArray, reached: FloatArray) -> float:
-    """Return the seconds of a run of ramps and cruises from the distances (p,), m, at which they begin and end.
+    """Return the duration, s, of a straight run that consists of ramps and cruises.
 
-    reached  (p,)  speeds there, m/s
+    ends     (p,)  m, distances at which a ramp or cruise begins or ends
+    reached  (p,)  m/s, speed at each of these distances
     """
     total = reached[1:] + reached[:-1]
     return float(np.sum(2.0 * np.diff(ends) / total)) if ends.size > 1 else 0.0
@@ -338,7 +339,11 @@ def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str
 
 
 def neighbouring(count: int) -> IntArray:
-    """Return all changes of speed as pairs (c, 2), from and to: 0 is rest, 1 to ``count`` are the classes, rising."""
+    """Return the allowed changes between ``count`` speed classes, as pairs (c, 2) of numbers, from and to.
+
+    0 is rest; 1 to ``count`` are the classes, rising. Allowed are changes between rest and any class, and between
+    classes next to each other.
+    """
     every = range(1, count + 1)
     pairs = [pair for i in every for pair in ((0, i), (i, 0))]
     pairs += [pair for i, j in pairwise(every) for pair in ((i, j), (j, i))]

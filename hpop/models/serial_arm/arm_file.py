@@ -202,10 +202,13 @@ def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
 
 
 def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
-    """Return the value, rad or m, of each joint outside the chain; a joint that mimics another follows it.
+    """Return the value, rad or m, of each joint outside the chain that could move, by name.
 
     moving  names of the joints of the chain
     fixed   values that the user has given
+
+    A joint without a given value follows the joint that it mimics; if it mimics none, it is at 0 or, if 0 is beyond a
+    limit, at this limit. Raises ModelError for a value beyond limits, and if the joint that it mimics moves.
     """
     stands: dict[str, float] = {}
 

@@ -190,7 +190,8 @@ def pairs_apart(
     apart     pairs that are not tested without rules
     touching  those of them that touch by design, and so stay untested
 
-    Other pairs of ``apart`` are tested if the rules name them as pairs that must not touch.
+    Other pairs of ``apart`` are tested if the rules name them as pairs that must not touch. Pairs that the rules allow
+    to touch are not tested.
     """
     if not rules:
         return apart

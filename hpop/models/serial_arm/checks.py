@@ -72,7 +72,10 @@ def checked_numbers(name: str, given: Any, least: float, what: str, most: float 
 
 
 def checked_shares(given: Any) -> tuple[float, ...]:
-    """Return the shares of the speeds, rising, from one share or a list of shares; raise ModelError for others."""
+    """Check the option ``velocity_scaling`` and return it as a tuple: one share of the joint speeds, or rising shares.
+
+    Each share is from ``LEAST_SCALING`` to 1. Shares that do not rise raise ModelError; they are not sorted.
+    """
     several = tuple(given) if isinstance(given, list | tuple) else (given,)
     kind = "a share of the speeds" if len(several) == 1 else "a share of the speeds, or a list of rising shares, each"
     shares = tuple(float(real("velocity_scaling", each, LEAST_SCALING, 1, kind, error=ModelError)) for each in several)

@@ -33,7 +33,9 @@ SAME = 1e-6
 
 
 class Surface(NamedTuple):
-    """Triangles of a mesh, unless there are very many without repeated vertices, flat faces or repeated faces.
+    """Triangles of a mesh.
+
+    Repeated vertices, flat faces and repeated faces have been removed, unless there are more than ``LARGE`` triangles.
 
     vertices  (V, 3)  m
     faces     (F, 3)  numbers of the vertices
@@ -135,10 +137,14 @@ def _samples(corners: FloatArray, count: int) -> FloatArray:
 def _depth(
     points: FloatArray, planes: FloatArray, *, least: float = 0.0, error: float = 0.0, batches: int = 0
 ) -> float:
-    """Return how deep points (N, 3) lie behind all of the planes at most, m; ``least`` if they are less deep.
+    """Return the depth, m, of the deepest of points (N, 3) in a convex body; ``least`` if no point is deeper.
 
-    The result may be too small by ``error``. Some planes bound the depth of each point from above; points are looked at
-    in the order of their bounds, at most ``batches`` times ``AT_ONCE`` of them, or all if ``batches`` is 0.
+    planes   (P, 4)  planes of the body's faces: outward unit normal and offset. The depth of a point is its distance
+                     from the nearest plane
+    error    m, by which the result may be too small
+    batches  largest number of batches of ``AT_ONCE`` points that are looked at; 0 for all points
+
+    Some planes bound the depth of each point from above; the points with the largest bounds are looked at first.
     """
     bounds = np.empty(len(points))
     probes = planes[:: max(1, len(planes) // PROBED)]
@@ -236,7 +242,9 @@ def merge_vertices(vertices: FloatArray, faces: IntArray, same: float = SAME) ->
 
 
 def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
-    """Return the first row of each kind among rows (N, 3) of whole numbers, by index, and the kind (N,) of each row.
+    """Group equal rows among rows (N, 3) of whole numbers.
+
+    Returns the index of the first row of each group, and the number (N,) of each row's group.
 
     Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time.
     """

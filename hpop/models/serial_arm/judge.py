@@ -139,8 +139,9 @@ class ArmJudge:
 
     @cached_property
     def _pairs(self) -> list[tuple[int, int]]:
-        """Pairs of objects to be tested: two parts that may not touch, or a moving part and a solid of the world.
+        """Pairs of objects to be tested: two parts that move relative to each other, or a moving part and a solid.
 
+        Pairs that may touch are left out.
         Objects are numbered: first the parts, then the solids.
         """
         size = len(self.parts)

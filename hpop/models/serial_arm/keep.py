@@ -177,8 +177,9 @@ class KeptAxis(Region):
 def proved_along(size: int, around: Callable[[IntArray, FloatArray], FloatArray]) -> BoolArray:
     """Return which motions (M,) are proved to keep a condition all along, ends included.
 
-    around  function of motions (N,) and a share (N,) of each: by how much the share may change so that the condition
-            holds; 0 or less where it does not hold
+    size    number M of motions
+    around  function of motions, as indices (N,), and a share (N,) of each. It returns by how much this share may grow
+            or shrink while the condition is sure to hold; 0 or less where it is not proved at the share itself
     """
     kept = np.ones(size, dtype=bool)
     owner, low, high = np.arange(size), np.zeros(size), np.ones(size)

@@ -155,7 +155,10 @@ class Reach(LawDefaults):
         return smooth_abs(getattr(end, name) - getattr(start, name))
 
     def extremes(self, name: str, start: States, end: States) -> Extremes:
-        """Return the extremes of a joint along each motion (M,); it is fastest at the end of the speed-up."""
+        """Return lowest and highest value, largest speed and acceleration of a joint along each motion (M,).
+
+        The joint is fastest at the end of the speed-up.
+        """
         ramp, (begin, stop) = self.phases(start, end)[0], (getattr(states, name) for states in (start, end))
         lasts = ramp.duration > 0
         rate = np.where(lasts, 2.0 * ramp.end / np.where(lasts, ramp.duration, 1.0), 0.0)
@@ -313,7 +316,7 @@ class JointSpline:
 
 
 def _ratios_in_unit_interval(above: FloatArray, below: FloatArray) -> FloatArray:
-    """Return the quotients ``above``/``below`` (M,), with 0 in place of those outside of [0, 1]."""
+    """Return the quotients ``above``/``below`` (M,), with 0 in place of those that are not between 0 and 1."""
     some = below != 0.0
     quotient = np.where(some, above / np.where(some, below, 1.0), 0.0)
     return np.where((quotient > 0.0) & (quotient < 1.0), quotient, 0.0)

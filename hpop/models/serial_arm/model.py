@@ -396,7 +396,10 @@ class SerialArm(Model):
         return replace(self.judge(world), library=library)
 
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
-        """Return chain, parts, and pairs of links that are not tested with each other, in a world; and the world."""
+        """Return the arguments of a collision test: chain, parts, pairs of links that are not tested, and ``world``.
+
+        Objects that the world attaches to links are among the parts. Its rules for links change the pairs.
+        """
         arm = self.with_attached(world)
         return arm.chain, arm.parts, pairs_apart(arm.parts, arm.apart, arm.touching, world.link_rules), world
 

@@ -61,7 +61,7 @@ class _Body(NamedTuple):
 def bodies_of(solids: Sequence[Solid], balls: Sequence[float] = ()) -> Bodies:
     """Return solids as convex bodies; each body is in the frame in which its solid's pose is given.
 
-    balls  m, radii of balls that are added to the last solids
+    balls  m, radii of balls by which the last ``len(balls)`` solids grow, in the order of the solids
     """
     added = [*(0.0 for _ in solids[len(balls) :]), *balls]
     bodies = [_body(solid, ball) for solid, ball in zip(solids, added, strict=True)]

@@ -168,7 +168,10 @@ class TwoArms(Model):
         return States(**{name: getattr(states, name) for name in self.view.joints})
 
     def motions_alone(self, motions: Motions, rows: IntArray | None = None) -> Motions:
-        """Return the motions (M,) of the viewing arm along the same lines in joint space, in the least time."""
+        """Return motions of the viewing arm alone: the same lines in joint space, in the least time.
+
+        rows  indices of the motions to return; by default all
+        """
         start, end = self.alone(motions.start), self.alone(motions.end)
         if rows is not None:
             start, end = start.take(rows), end.take(rows)
@@ -292,7 +295,10 @@ class SpaceInTime(StateSpace):
     """
 
     def implied(self, what: str) -> dict[str, float]:
-        """Return the pace and the time of a state without them; ``what`` is "start" for the start of a problem."""
+        """Return the values that a state gets for pace and time if the user leaves them out.
+
+        ``what`` is "start" for the start of a problem, which gets the time 0, or anything else.
+        """
         return {PACE: 0.0, TIME: 0.0 if what == START else self.high[-1]}
 
 
