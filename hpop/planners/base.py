@@ -177,9 +177,10 @@ class Planner(Protocol):
     ) -> Iterator[Candidates]:
         """Yield a quick early result, then better ones; by default only the result of ``solve``.
 
-        All results before the last have the status UNFINISHED. The last one is the result of ``solve``; it may include
-        earlier candidates that ``solve`` did not find. After Ctrl-C in a stage, its candidates have the status
-        INTERRUPTED and no other stage follows. If ``solve`` accepts an executor, ``stages`` accepts it too.
+        All results before the last have the status UNFINISHED. The last one is the result of ``solve``, to which a
+        planner may add candidates of earlier stages that ``solve`` alone does not find. After Ctrl-C in a stage, its
+        candidates have the status INTERRUPTED and no other stage follows. If ``solve`` accepts an executor, ``stages``
+        accepts it too.
         """
         return _only_stage(self, problem, progress, **on_executor)
 

@@ -186,7 +186,10 @@ def are_free(problem: Problem, trajectories: Sequence[Trajectory]) -> BoolArray:
 
 
 def _faults_of_ends(problem: Problem, table: MotionTable) -> list[str]:
-    """Return, for each trajectory, "misses the goal", "misses the start" or "leaves the map"; "" if none applies."""
+    """Return, for each trajectory, "misses the goal", "misses the start" or "leaves the map"; "" if none applies.
+
+    If several apply, it is the last of them in this order.
+    """
     model = problem.model
     reasons = [""] * table.counts.size
     first, last = table.states.take(table.first), table.states.take(table.last)

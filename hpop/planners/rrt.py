@@ -88,7 +88,8 @@ def load_ompl() -> tuple[Any, Any, Any]:
 def grow(query: TreeQuery, seed: int) -> tuple[FloatArray | None, int, float]:
     """Grow one tree with OMPL until the robot can stop near the goal, or until a limit is reached.
 
-    Returns controls (n, 3) to that stop or None, the number of extensions, and the distance missing to the goal, m.
+    Returns controls (n, 3) to that stop or None, the number of extensions, and by how much the best node of the tree
+    misses the goal, m: NEAR times :meth:`TreeQuery.distance`; 0 if controls were found, inf if OMPL names no best node.
     """
     ob, oc, util = load_ompl()
     level = util.getLogLevel()

@@ -298,7 +298,10 @@ def _converted(graph: Any, costs: Any, quanta: Any, aggregates: Any) -> Graph:
 
 
 def main_kernels(aggregates: Sequence[str], turns: int) -> tuple[Any, Any]:
-    """Return two kernels of a search with costs of these kinds: the slowest to compile, and that of a first result.
+    """Return the main kernel of a search with costs of these kinds, and the kernel of its quick early result.
+
+    The main kernel takes longest to compile. The other one is that of weighted sums, or the main kernel again if a
+    cost is a maximum.
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1

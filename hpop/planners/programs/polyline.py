@@ -39,7 +39,10 @@ class Polyline:
 
     @classmethod
     def of(cls, trajectory: Trajectory, problem: Problem) -> Polyline:
-        """Return the polyline of a trajectory, with its ends moved exactly to the problem's start and goal."""
+        """Return the polyline along the moves of a trajectory, with its ends at exactly the problem's start and goal.
+
+        Moves in one direction become one segment. Motions of other kinds than "move" are skipped.
+        """
         s = trajectory.states
         rows = [(s.x[0], s.y[0])]
         heading = math.nan

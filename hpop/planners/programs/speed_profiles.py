@@ -140,8 +140,9 @@ class Profiles:
     def _jumps(self) -> tuple[Any, Any]:
         """Two matrices for limits of jerk: one gives changes of accelerations from b, the other times for them from T.
 
-        The changes are those between neighbouring intervals, and T has the durations of the intervals. Before and after
-        a stretch the acceleration is 0; half of the first or the last interval counts.
+        The changes are those of each limited acceleration, in its own unit, from the middle of one interval to that of
+        the next, and T has the durations of the intervals. Before and after a stretch the acceleration is 0; half of
+        the first or the last interval counts.
         """
         middle, limits = self._rows(0.5)
         middle = sp.diags(limits) @ middle
@@ -357,7 +358,8 @@ class Profiles:
     def gentlest(self, duration: float, start: FloatArray) -> FloatArray | None:
         """Return the profile (b at each position) of least discomfort within a duration, s; None if no solver finds it.
 
-        start  profile within this duration, from which a series with a limit of jerk begins
+        start  profile within this duration. Used only with a limit of jerk: programs are then solved one after another,
+               and the first one begins with it
         """
         program, most = self._gentlest
         most.value = duration

@@ -46,7 +46,7 @@ class Coordinates(Protocol):
 
     @property
     def joins(self) -> bool:
-        """True if stretches in one straight direction become one, as reaches of an arm do."""
+        """True if stretches that follow each other in one straight direction become one: for reaches of an arm."""
 
     def rates(self, states: States, rates: States) -> FloatArray:
         """Return the rates (N, c) of the coordinates from the states (N,) and their rates."""

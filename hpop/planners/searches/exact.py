@@ -296,7 +296,10 @@ class ExactSearch:
         *,
         is_second: bool,
     ) -> Iterator[Candidates]:
-        """Yield early results on one graph; if the exact search ends as quickly, yield only its result."""
+        """Yield early results on one graph; if the exact search ends within their time limit, yield only its result.
+
+        is_second  True if early results on another graph were yielded before, such as on a part of this graph
+        """
         share = spending.share(max(QUICK, SHARE * query.build_seconds))
         if not (built.is_large or is_compiling()):
             checkpoint = None if built.part else self.checkpoint

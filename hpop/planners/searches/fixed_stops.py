@@ -341,7 +341,8 @@ class FixedStops:
     def _ends_of(self, parts: IntArray) -> tuple[int, IntArray, IntArray]:
         """Return the number of nodes of the small graph, and the tail and head (p,) of each part (p, 3) in it.
 
-        Node 0 is the start. The last node is the end of all tours.
+        A part is a row of :attr:`parts`: a stage, and the sites where it begins and ends. Node 0 is the start. The last
+        node is the end of all tours.
         """
         count, last = len(self.sites), 1 + len(self.layered.tour.layers) * len(self.sites)
         layers = np.array([(stage.layer, stage.after) for stage in self.stages], np.int64)[parts[:, 0]]

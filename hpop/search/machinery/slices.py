@@ -359,7 +359,7 @@ class DeadlineClock(Clock):
 
     @property
     def remaining(self) -> float:
-        """Remaining seconds of the present share of the time; inf without a deadline."""
+        """Seconds until ``share`` of the deadline's time is used; negative after that, inf without a deadline."""
         if self.deadline is None:
             return float("inf")
         return self.share * self.deadline - (thread_time() - self.started)

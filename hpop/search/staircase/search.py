@@ -153,8 +153,9 @@ class Staircase(JointSearch):
     def close(self, arcs: BoolArray, groups: BoolArray) -> None:
         """Close arcs before a search: the marked arcs (m,) of the graph, and all turns of the marked groups (g,).
 
-        Closed arcs get a larger rest cost than any solution, so that every dominance test rejects paths with them. If
-        turns of a group differ in cost, the caller must also have raised the costs of closed turns in ``self.groups``.
+        Closed arcs get a larger rest cost (the third in ``order``) than any solution, so that every dominance test
+        rejects paths with them. If turns of a group differ in cost, the caller must also have raised the costs of
+        closed turns in ``self.groups``.
         """
         self.closed_arcs = arcs
         infinite = self._empty_steps(1)[0]
@@ -281,7 +282,7 @@ class Staircase(JointSearch):
     def _search_on(
         self, part: Graph, source: int, targets: IntArray, h: IntArray, groups: Groups, clock: Clock, near: Precision
     ) -> Staircase:
-        """Return a new search with the precision ``near`` on a part of the graph, without joint bounds."""
+        """Return a search, not yet run, on a part of the graph, with the precision ``near`` and no joint bounds."""
         return Staircase(part, source, targets, h, self.order, groups, clock, near, self.at_most, jointly=False)
 
     def _lengthen_goal(self) -> None:

@@ -200,10 +200,10 @@ class TimedJointBounds:
         return needed
 
     def _near_best(self, prices: Prices, clock: Clock) -> BoolArray | None:
-        """Return a mask (n,) of the needed nodes near a best path by costs from the horizon on; None if there is none.
+        """Return a mask (n,) of the needed nodes near a best path; None if no path exists or a limit is passed.
 
-        A tenth of the nodes counts as near: those through which the least weighted cost of a path is smallest. The
-        result is also None if a limit is passed.
+        Arcs are weighed by their costs from the horizon on, when these no longer change. A tenth of the nodes counts
+        as near: those through which the least weighted cost of a path is smallest. Targets are always in the mask.
         """
         lane, needed = len(self.summed), self.layout.needed
         calm = self._calm_graph(prices, slice(lane, lane + 1), needed)

@@ -197,6 +197,8 @@ class _CorridorRun:
     def weights(self) -> Weights | None:
         """Vectors of weights, with one number for each convex cost; None to choose weights by dichotomy.
 
+        They are used in addition to each cost alone; without the option ``weights``, one cost needs none: ().
+
         Raises OptionError if a vector in the option ``weights`` has another length.
         """
         k = len(self.convex)

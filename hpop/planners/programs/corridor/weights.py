@@ -111,9 +111,12 @@ class _Weighted:
     vertices: list[FloatArray] = field(default_factory=list)
 
     def run(self, weights: tuple[tuple[float, ...], ...] | None) -> CorridorPoints:
-        """Solve for each cost alone, normalise the costs by these optima, then solve for all other vectors of weights.
+        """Solve for each cost alone, then for all other vectors of weights; return the optima found.
 
-        If ``weights`` is None, the vectors for two costs are chosen by dichotomy.
+        Weights are of normalised costs: each cost is divided by its range over the optima of the costs alone, or by
+        its value on the warm start if that range is negligible. If ``weights`` is None, the vectors for two costs are
+        chosen by dichotomy, if neither range is negligible. If no solver finds the optimum of a cost alone, only the
+        optima of the other costs are returned.
         """
         k = len(self.program.criteria)
         warm = self.program.evaluate(self.program.base)

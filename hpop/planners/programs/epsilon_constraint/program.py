@@ -115,7 +115,11 @@ class PolylineProgram:
         return 0 if n < 2 or (n == 2 and bound == 2) else 2 * (n - 1) - bound
 
     def _free(self, polyline: Polyline) -> FloatArray:
-        """Return the coordinates of a polyline that are variables: lengths along fixed headings, then vertices."""
+        """Return the coordinates of a polyline that are variables of the program.
+
+        They are the length of the first segment if its heading is fixed, likewise of the last one, then x and y of
+        each inner vertex that is not at the end of such a segment.
+        """
         inner, lengths = polyline.vertices[1:-1], polyline.lengths
         first, last = int(self._along_first), int(self._along_last)
         fixed = [*lengths[:1][:first], *lengths[-1:][:last]]
