@@ -166,7 +166,11 @@ def follow(shown: LiveFront, folder: Path, imports: Sequence[str], pipe: int) ->
 
 
 def main(number: int, token: str, folder: Path, imports: Sequence[str]) -> None:
-    """Serve the front saved in a folder until the command that started this process ends."""
+    """Serve the front saved in a folder until the command that started this process ends.
+
+    number  file descriptor of the listening socket
+    token   secret part of the page's address
+    """
     shown = LiveFront()
     with socket.socket(fileno=number) as listening, server_of(listening, token, shown) as server:
         Thread(target=server.serve_forever, daemon=True).start()

@@ -299,7 +299,7 @@ def _write(driven: Execution, happened: list[Happening], target: Path) -> None:
 
 
 def _print_end(driven: Execution) -> None:
-    """Print the time of arrival, or that the robot waits, and the costs of the whole drive."""
+    """Print when the robot arrived, or stopped before a closed part of its path, and the costs of the whole drive."""
     moment = driven.at(max(driven.begin + driven.plan.duration, driven.record[-1]["now"]))
     costs = ", ".join(
         f"{name} {value:.5g}" + f" {criterion.unit}" * (criterion.unit != "1")

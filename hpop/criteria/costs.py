@@ -133,7 +133,7 @@ def trajectory_costs(
 
 
 def _without_motions(criterion: Criterion, history: History) -> float:
-    """Return the cost of a trajectory without motions by a criterion of whole trajectories; only stops count."""
+    """Return the cost of a trajectory without motions by a criterion of whole trajectories: 0, except missed stops."""
     return cast("StopsMissed", criterion).without_motions(history) if criterion.role == "stops_missed" else 0.0
 
 

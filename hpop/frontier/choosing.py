@@ -218,7 +218,7 @@ def farthest(distances: Callable[[int], FloatArray], size: int, count: int, *, a
 
 
 def scaled(Y: FloatArray) -> FloatArray:
-    """Return costs (n, k) scaled by their own ideal and nadir to the range from 0 to 1."""
+    """Return costs (n, k) scaled column by column: least 0, greatest 1; 0 where all values of a column are equal."""
     return normalised(Y, Y.min(axis=0), Y.max(axis=0))
 
 

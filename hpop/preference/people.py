@@ -152,7 +152,7 @@ class People:
         return tuple(one._replace(size=size) for one, size in zip(first, means.tolist(), strict=True))
 
     def _range_factors(self) -> FloatArray:
-        """Return the ratios (people, f) of the common range of each cost to each person's range."""
+        """Return, for each person and each of f scaled costs, the pooled range divided by the person's: (people, f)."""
         return np.array([
             [range_ratio(*two) for two in zip(person.scale.measures, self.measures, strict=True)]
             for person in self.preferences

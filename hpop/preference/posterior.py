@@ -184,8 +184,9 @@ def _best_step_length(dimensions: int) -> float:
 
 
 def _unbounded_coordinates(draws: Draws) -> FloatArray:
-    """Return draws in unbounded coordinates (N, f + 2): centred logarithms of shares, log sharpness and log ties.
+    """Return draws in unbounded coordinates (N, f + 2): logarithms of f shares, of the sharpness and of ``ties``.
 
+    The logarithms of the shares are centred: their mean is 0.
     The logarithm of a share of 0 is set to 0 and is ignored.
     """
     cared_for = draws.shares > 0

@@ -107,7 +107,7 @@ class Prior:
         )
 
     def concentrations(self, f: int) -> FloatArray:
-        """Return the Dirichlet concentration (f,) of each share; StudyError if the prior has another number of them."""
+        """Return the Dirichlet concentrations (f,) of the shares; StudyError if the prior is not for f costs."""
         f = whole("f", f, 1, MOST_COSTS, "a number of costs", error=StudyError)
         if not self.concentration:
             return np.ones(f)
@@ -175,7 +175,7 @@ class Prior:
 
 
 def shares_of(logs: FloatArray, cared_for: BoolArray) -> FloatArray:
-    """Return shares (N, f) that add up to 1 in each row, from their logarithms, which may lack a constant per row.
+    """Return shares (N, f) that add up to 1 in each row, from their logarithms, each row plus any constant.
 
     Shares are 0 where ``cared_for`` (N, f) is False.
     """

@@ -208,8 +208,8 @@ def analyse(
     """Analyse a study: test a score that is asked after each stimulus, and the choices between pairs.
 
     method      "default": Friedman's test and Kendall's W, then Wilcoxon's of each pair (Pratt's zeros, exact);
-                "paper": Kruskal and Wallis' test and Dunn's comparisons, and Wilcoxon's against the answers before by
-                its normal approximation, zeros left out
+                "paper": Kruskal and Wallis' test and Dunn's comparisons; and, against the answers before the first
+                stimulus, Wilcoxon's test by its normal approximation, zeros left out
     score       form and name of a score, or of an item
     correction  of the comparisons of one table: "holm", "bonferroni" or "none"; by default "holm", or with the method
                 "paper" "bonferroni"

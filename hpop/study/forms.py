@@ -381,7 +381,7 @@ def _summand(form: Form, item: Item, value: float) -> float:
 
 
 def _applies(form: Form, item: Item, value: float) -> bool:
-    """Return whether an answer says something other than that the item does not apply."""
+    """Return whether an answer counts: False if it says that the item does not apply."""
     return not form.scale_of(item).is_absent(value)
 
 

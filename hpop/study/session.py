@@ -241,7 +241,7 @@ class Session:
 
     @property
     def jerky(self) -> list[tuple[str, float]]:
-        """Return letters of rides with less than 60 frames per second for 5 % of the time or more, with this share."""
+        """Return letter and share of time below 60 frames per second, for each stimulus with a share of 5 % or more."""
         told = {event.condition: event.value.get("slow", 0.0) for event in self.events if event.kind == "frames"}
         return [(letter, slow) for letter, slow in told.items() if letter and slow >= MOST_SLOW]
 

@@ -303,7 +303,7 @@ def draw_preference(problem: Problem, front: Front, person: Preference, *, ax: A
 
 
 def _draw_shares(axes: Axes, person: Preference) -> None:
-    """Draw the mean weight of each cost as a dot on the line of its interval, the greatest weight at the top."""
+    """Draw the mean weight of each cost as a dot on a line, its 90 % interval, with the greatest weight at the top."""
     shares, intervals = person.weights, person.interval(LEVEL)
     names = sorted(shares, key=lambda name: shares[name])
     places = np.arange(len(names))

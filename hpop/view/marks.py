@@ -286,7 +286,7 @@ def draw_shared_holds(
 
 
 def _may_share(held: Held, waits: Iterable[tuple[Held, str]], view: View) -> bool:
-    """Return whether a wait is as long as those of a clock, and near to all of them."""
+    """Return whether a wait may share a clock: it is as long as all waits of the clock, and near to each of them."""
     reach = SHARED * max(view.width, view.height)
     return all(
         written_time(held.seconds) == written_time(other.seconds)

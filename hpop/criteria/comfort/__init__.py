@@ -72,7 +72,9 @@ def _in_frame(axes: list[FloatArray], vectors: FloatArray) -> FloatArray:
 
 
 def _rotations(before: list[FloatArray], after: list[FloatArray]) -> FloatArray:
-    """Return the rotation vectors (N, 3), rad, that turn three axes ``before`` into three axes ``after``.
+    """Return the rotation vectors (N, 3), rad, that turn the axes ``before`` into the axes ``after``.
+
+    Each of the two lists holds the unit vectors ahead, left and up, as arrays (N, 3).
 
     Rotations must be less than half a turn. For a rotation by the angle γ, half the sum of the cross products of the
     axes has the length sin γ, and the sum of their dot products is 1 + 2 cos γ.

@@ -172,8 +172,8 @@ def within(depth: Column, softness: float) -> Column:
 def _mean_zone_weight(zones: HallZones, radii: float) -> Blurred:
     """Return a function for the mean weight when the position of a person is uncertain.
 
-    It takes the predicted distance between the axes of robot and person, m, and the deviation, m. ``radii`` is the sum
-    of both radii, m.
+    It takes the distance, m, from the robot's axis to the predicted position of the person, and the standard deviation
+    of the position, m. ``radii`` is the sum of the radii of robot and person, m.
     """
     end = HALL["social"] + 0.5 * zones.softness + radii
     return Blurred(lambda distance: zones.weight(distance - radii), end, detail=zones.softness)

@@ -23,7 +23,7 @@ TIE = 1e-9  # share of a multiple: a turn this near to halfway between two multi
 class _RoundTurns:
     """Error of a viewer who remembers each turn as the nearest multiple of ``multiple``, rad.
 
-    Of two equally near multiples, the smaller one is remembered.
+    Of two equally near multiples, the one nearer to 0 is remembered: with pi/2, a turn of 3 pi/4 as pi/2.
     """
 
     multiple: float = np.pi / 2  # rad, turns by multiples of it are remembered exactly
@@ -61,7 +61,7 @@ class OrientationRetention(_RoundTurns):
     """
 
     def cost(self, m: Motions) -> Column:
-        """Return, for each motion (M,), how far the turns that end in it are from multiples of ``multiple``, rad."""
+        """Return, for each motion (M,), the sum of |e_k|, rad, over the turns that end in it."""
         return sum(np.abs(self._angle_to_multiple(turn)) for turn in m.camera.turns)
 
 
