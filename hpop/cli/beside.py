@@ -46,7 +46,7 @@ def kernels_beside(planners: Sequence[Planner], problem: Problem) -> AbstractCon
     """Return a context in which background processes compile the code (kernels) that the planners' exact searches need.
 
     Kernels that are cached are not compiled again. Compiling begins after the first early result if the first planner
-    yields one, else at once. The value of the context is the :class:`.Onset`, which says when, or None if no planner
+    yields one, else at once. The value of the context says which of the two: an :class:`.Onset`, or None if no planner
     needs kernels.
     """
     # Imported here, as in all commands: these modules are heavy.

@@ -234,7 +234,7 @@ def least(*keys: FloatArray, tie: float = TIE) -> int:
     """Return the row with the smallest first key; the second key breaks ties, and so on, finally the row number.
 
     keys  (n,) each
-    tie   difference within which a value is tied with the least one: relative, or absolute if that is below 1
+    tie   values up to tie * max(1, |least|) above the least value count as equal to it
     """
     rows = np.arange(len(keys[0]))
     for key in keys:

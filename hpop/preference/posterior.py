@@ -312,7 +312,7 @@ def most_informative_pair(
     Parameters
     ----------
     rows : (n, f) array
-        Costs as shares of their ranges.
+        Scaled costs of the front: 0 for the least of each cost, 1 for the greatest.
     draws
         Equally weighted draws of the posterior.
     asked

@@ -93,7 +93,7 @@ def lettered_conditions(
     """Assign random letters to rows, baselines, the still view and a live session; return them in the order of letters.
 
     rows       rows by number or name; VIEW adds the still view, LIVE a live session
-    kind       kind of the other stimuli: "ride" or "video"
+    kind       "ride" or "video", for all stimuli except the still view and the live session
     baselines  further trajectories
     """
     found = [_named_row(front, row) for row in rows if row not in OWN_KINDS]

@@ -62,10 +62,10 @@ def summary(events: Sequence[Mapping[str, Any]]) -> dict[str, Cell]:
     driving       seconds in which the robot moved
     metres        driven, between recorded positions
     destinations, pushes, questions, wishes, stops  how often the driver asked for each
-    offers        how often ways were offered
-    ways          mean number of ways in an offer
-    choices       ways that the driver chose, without pushes; `chosen` counts them by the names of their cards
-    followed      pushes for which a way was found that follows them
+    offers        how often other paths to the destination were offered
+    ways          mean number of paths in an offer
+    choices       paths that the driver chose, without pushes; `chosen` counts them by the names of their cards
+    followed      pushes for which a path was found that follows the push
     head          degrees that the driver's head turned left or right, per second; NaN without samples
     """
     count = Counter(event["event"] for event in events)
@@ -96,7 +96,7 @@ def summary(events: Sequence[Mapping[str, Any]]) -> dict[str, Cell]:
 
 
 def _chosen(events: Sequence[Mapping[str, Any]]) -> Counter[str]:
-    """Count the ways that the driver chose, by the names of their cards; "another way" if it was on no card."""
+    """Count the paths that the driver chose, by the name of the card; "another way" for a path without a card."""
     offers: dict[Any, dict[int, str]] = {}
     names: dict[int, str] = {}
     chosen = Counter[str]()

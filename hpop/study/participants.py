@@ -210,7 +210,7 @@ def sequences(
     ``random`` has one for each participant.
 
     Raises StudyError for ``permutations`` of more than four stimuli or with a number of participants that is not a
-    multiple of theirs, and for more than 26 stimuli.
+    multiple of the number of permutations, and for more than 26 stimuli.
 
     >>> sequences("williams", "ABCD", 8, np.random.default_rng(1))
     (('A', 'B', 'D', 'C'), ('B', 'C', 'A', 'D'), ('C', 'D', 'B', 'A'), ('D', 'A', 'C', 'B'))

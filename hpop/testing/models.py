@@ -173,7 +173,7 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 def drawn_pairs(model: Model, world: World, rng: np.random.Generator, size: int) -> tuple[States, States]:
     """Return random states a and b (size,) that the model calls joinable; raise ModelError if there are too few.
 
-    Where time is a state, the others of b are nearer and nearer to those of a, so that the time suffices.
+    For a model with time as a state, b is drawn nearer and nearer to a until the time suffices.
     """
     names, drawn = model.space.names, 0
     pairs: list[FloatArray] = []
@@ -322,7 +322,7 @@ def _connection_fault(model: Model, world: World, rng: np.random.Generator) -> s
 def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
     """Return a trajectory with a hold through random states, which the model connects.
 
-    Where time is a state, it goes from the first time to the last, between two states that are joinable, with waits.
+    For a model with time as a state, it goes from the first time to the last, between two joinable states, with waits.
     """
     if "time" in model.provides:
         return Trajectory.through(model, _in_time(model, *drawn_pairs(model, world, rng, 1)))

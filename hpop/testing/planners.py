@@ -155,7 +155,7 @@ def _in_a_room(model: Model, rng: np.random.Generator) -> tuple[World, States, S
 
 
 def _in_space(model: Model, rng: np.random.Generator) -> tuple[World, States, States]:
-    """Return a world with a ball, and two free states between whose camera positions it lies."""
+    """Return a world with a ball, and two free states; the ball lies between their camera positions."""
     extent = shapely.box(0, 0, *ROOM)  # its border is no wall for robots in space
     nowhere = World.from_solids([], extent=extent)
     states = _free_states(model, nowhere, drawn_states(model, nowhere, rng, POSTURES))
@@ -308,7 +308,7 @@ def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
 
 
 def _wall_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault if the planner finds a path through a wall, or claims completeness without a note."""
+    """Return a fault if the planner finds a path through a wall, or says "complete" without a note that none exists."""
     world = World.from_polygons([WALL], extent=problem.world.extent)
     found = planner.solve(replace(problem, world=world))
     if len(found.trajectories):

@@ -298,7 +298,7 @@ def predicted_batches(criterion: Criterion, world: World, batches: list[Motions]
 
 
 def refuses(criterion: Criterion, world: World, batches: list[Motions]) -> bool:
-    """Return whether a criterion refuses the predictions of a world."""
+    """Return whether a criterion raises CriterionError in a world, as it may for uncertain predictions of people."""
     try:
         _costs(criterion, world, batches[:1])
     except CriterionError:

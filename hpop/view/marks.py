@@ -265,9 +265,10 @@ def draw_holds(
 def draw_shared_holds(
     axes: Axes, tours: Mapping[str, tuple[Trajectory, str]], view: View, taken: list[tuple[float, float]]
 ) -> None:
-    """Draw one clock for all tours that stand for one time at positions nearby, and a line to each position.
+    """Draw the waits of several tours as clocks, with a line from each clock to the positions where robots wait.
 
-    A clock of several tours is grey. For the other parameters see :func:`draw_holds`.
+    Waits of different tours share a clock if they last equally long and are near to each other; the clock is then
+    grey. For the other parameters see :func:`draw_holds`.
 
     tours  trajectories and their colours, by label
     """

@@ -78,9 +78,10 @@ def single_page(
 ) -> str:
     """Return the HTML text of a page that contains the bundled script ``script`` and its data ``payload``.
 
-    connect   security policy for connections and media; nothing unless a server of hpop serves the page
-    frames    hashes of the scripts of embedded pages, which must satisfy both policies
-    language  of its texts, as HTML writes it
+    connect   where the page may load data and media from (a source of its Content-Security-Policy); "'none'", except
+              for a page that a server of hpop serves
+    frames    hashes of the scripts of pages that this page embeds, so that its policy allows these scripts too
+    language  language code of the texts, such as "en"
     """
     code = bundle(script).encode()
     scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))

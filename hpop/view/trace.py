@@ -346,7 +346,7 @@ def _draw_column(
 
 
 def _own_names(model: Model) -> tuple[str, ...]:
-    """Return the names of a model's states, without the time and what depends on it where time is a state."""
+    """Return the names of a model's states; for a model with time as a state, those of the model without time."""
     return (cast(ModelInTime, model).timeless if "time" in model.provides else model).space.names
 
 

@@ -22,7 +22,8 @@ from hpop.trajectories.history import History
 class Duration:
     """Duration of the trajectory: T = ∫ dt.
 
-    Unit s; a sum over motions. Each is timed by its motion law, which on a graph is that of planned motions.
+    Unit s; a sum over motions. Each motion lasts as long as its motion law says; graphs use the laws of planned
+    motions.
     """
 
     def cost(self, m: Motions) -> Column:

@@ -236,8 +236,11 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
 
 
 def _errors(sums: FloatArray, covariance: FloatArray, by_choices: FloatArray) -> FloatArray:
-    """Return the standard errors (k,) of weighted sums (k, p) of parameters; NaN if choices vary but people do not.
+    """Return the standard errors (k,) of k weighted sums of p parameters.
 
+    An error is NaN if the variation between people gives 0 for it, although the single choices vary.
+
+    sums        (k, p)  weights of the parameters in each sum
     covariance  (p, p)  of the parameters, from the variation between people or, without people, as ``by_choices``
     by_choices  (p, p)  of the parameters, if all choices were independent
     """

@@ -264,7 +264,7 @@ class ViewScene:
     def description(self) -> dict[str, Any]:
         """Return the scene as JSON, for a page that draws it alike; no number is NaN or infinite.
 
-        Texts come from files: they are names, never markup.
+        Its names come from files of users, so the page must show them as plain text, not as HTML.
         """
         return {
             "version": VERSION,
