@@ -313,7 +313,7 @@ class Faults:
 
 
 def _may_be(value: Any, angle: bool) -> bool:
-    """Return whether a value may be that of a state: a finite number; for an angle also text."""
+    """Return whether a value may be a coordinate of a state: a finite number, or with ``angle`` also a text."""
     number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < math.inf
     return number or (angle and isinstance(value, str))
 

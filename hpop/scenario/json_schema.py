@@ -344,7 +344,10 @@ def summary(item: Any) -> str:
 
 
 def _world(*, at_home: bool) -> Schema:
-    """Return the schema of the world section, which gives the world in exactly one way."""
+    """Return the schema of the world section: one key, a reader or a kind of obstacles, with its options.
+
+    With ``at_home``, readers of installed plugin packages are left out.
+    """
     ways: Schema = {}
     for name, field in WorldSection.model_fields.items():
         form = next(one for one in field.annotation.__args__ if one is not type(None))  # type: ignore[union-attr]

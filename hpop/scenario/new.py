@@ -281,7 +281,10 @@ def _written(values: Any) -> str:
 
 
 def _end(text: str, what: str) -> tuple[float, float, float | None]:
-    """Parse a start or goal from the command line: X,Y or X,Y,HEADING."""
+    """Parse a start or goal from the command line: X,Y in m or X,Y,HEADING, in rad or as text such as "90 deg".
+
+    Return the heading in rad. Without one it is 0 at the start, and None (any heading) at the goal.
+    """
     x, y, *rest = [*(part.strip() for part in text.split(",")), ""]
     heading: Any = Degrees.in_radians(rest[0]) if rest and rest[0] else "any" if what == "goal" else 0.0
     try:
@@ -297,7 +300,7 @@ def _end(text: str, what: str) -> tuple[float, float, float | None]:
 
 
 def _rounded(model: Any, world: World, place: tuple[float, float]) -> tuple[float, float]:
-    """Round a position to the fewest decimals at which it is still free."""
+    """Round a position, m, to the fewest decimals, 1 to 3, at which it is free; return it unchanged if none works."""
     collision = model.collision(world)
     for digits in (1, 2, 3):
         x, y = (round(value, digits) for value in place)

@@ -332,7 +332,7 @@ class StopEntry(_Strict):
 
 
 def stop_words(values: Any, place: Sequence[str | int], text: str) -> str:
-    """Return the stop of a tour to which a position in a scenario belongs, for an error; "" for none.
+    """Return the stop of a tour to which a position belongs, such as " (stop 'hall')", for an error; "" for none.
 
     text  text of the error; the result is "" if it names the stop
     """

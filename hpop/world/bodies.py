@@ -236,7 +236,8 @@ class LinkRules:
     def may_touch(self, one: str, other: str) -> bool:
         """Return whether two bodies may touch.
 
-        An entry for the pair decides. Without one, the entries of both names decide, and forbid if one of them does.
+        An entry for the pair decides. Without one, the entries of single names decide: they must all allow it. Bodies
+        without any entry may not touch.
 
         >>> rules = LinkRules(pairs={("can", "hand"): False}, others={"hand": True, "wall": False})
         >>> rules.may_touch("hand", "can"), rules.may_touch("hand", "cup"), rules.may_touch("hand", "wall")
@@ -287,12 +288,12 @@ class LinkRules:
 
 
 def padding_of(what: str, given: Any) -> float:
-    """Check a padding of a link, m, and return it; MapError, which calls it ``what``, if it is none."""
+    """Return the padding of a link, m, as a float; MapError, which calls it ``what``, for any other value."""
     return float(real(what, given, 0.0, WIDEST, "a length in m", error=MapError))
 
 
 def scale_of(what: str, given: Any) -> float:
-    """Check a scale of a link and return it; MapError, which calls it ``what``, if it is none."""
+    """Return the scale of a link, a factor, as a float; MapError, which calls it ``what``, for any other value."""
     return float(real(what, given, LEAST, MOST, "a factor", error=MapError))
 
 

@@ -353,9 +353,9 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError unless there are so many.
+    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError for another number.
 
-    No more data is decompressed than these cells take.
+    At most one byte more is decompressed than these cells take.
     """
     check_size(rows, columns, "the described raster")
     size = -(-rows * columns // 8)

@@ -124,7 +124,8 @@ class World(FromCells, FromFiles):
     ) -> World:
         """Build a world from shapely polygons, each alone or as (polygon, (z_min, z_max)), in metres.
 
-        By default the extent is their bounding box.
+        By default the extent is the bounding box of the obstacles. ``keep_out`` is closed to the robot, but does not
+        obstruct the camera.
 
         >>> world = World.from_polygons([shapely.box(4, 0, 6, 3)], extent=shapely.box(0, 0, 10, 5))
         >>> world.clearance(np.array([1.0, 3.5, 5.0]), np.array([2.5, 2.0, 1.0]))
@@ -247,7 +248,7 @@ class World(FromCells, FromFiles):
 
     @cached_property
     def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
-        """Return the worlds that `keeping` has returned so far, so that their derived values are reused."""
+        """Return the worlds that `keeping` has returned so far by (margin, left), so that derived values are reused."""
         return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:

@@ -77,7 +77,10 @@ class WalkedPath:
 
     @classmethod
     def of(cls, person: Person, bounds: tuple[float, float, float, float]) -> WalkedPath | None:
-        """Return the whole track of a person with one future, or its line to beyond the bounds; None if it stands."""
+        """Return the path of a person with one future: the track from time 0, or a line to beyond the bounds, m.
+
+        Return None if the person stands.
+        """
         if person.track is not None:
             track = person.track.later(0.0)
             points = np.stack([track.x, track.y], axis=1)
@@ -285,9 +288,10 @@ def _standing(person: Person, horizon: float | None, who: str) -> tuple[Person, 
 
 
 def _outside(world: World) -> tuple[World, list[Inside]]:
-    """Return the world with walking people moved out of obstacles, and a list of all people who were within one.
+    """Return the world with walking people shifted out of obstacles, and a list of all people who were within one.
 
-    People deep inside are moved ``AWAY`` m, and stand there. Raises MapError if all walking people begin deep inside.
+    Walking people deep inside are left out: they keep their index, but stand ``AWAY`` m away. Standing people stay.
+    Raises MapError if all walking people begin deep inside.
     """
     solid, inside, people = world.solid(*TALL), list[Inside](), list[Person]()
     walking = outside = 0

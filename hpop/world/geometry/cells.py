@@ -157,7 +157,10 @@ class ChangingEdges:
         return cls(keys[place], place, tree, tree)
 
     def updated(self, raster: Raster, edges: IntArray) -> ChangingEdges:
-        """Return the index for new edges (E, 4) in grid coordinates; only edges that came or went cost time, if few."""
+        """Return the index after a change, for all edges (E, 4) that there are now, in grid coordinates.
+
+        Edges without a change cost little time, unless many others came or went.
+        """
         keys = _keys(edges)
         order = np.argsort(keys)
         now = keys[order]

@@ -92,7 +92,7 @@ class EdgeTree:
 
 
 def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Cut long edges into pieces; return the edge (P,) that each piece belongs to, and its ends (P, 4), m."""
+    """Cut long slanting edges (E, 4), m, into pieces; return the edge index (P,) and the ends (P, 4) of each piece."""
     size = edges.reshape(-1, 2).max(axis=0) - edges.reshape(-1, 2).min(axis=0)
     most = max(math.sqrt(2.0 * size[0] * size[1] / len(edges)), size.max() * 2.0 / len(edges), 1e-9)
     slanting = (edges[:, :2] != edges[:, 2:]).all(axis=1)  # an edge parallel to an axis fills its box
@@ -215,10 +215,10 @@ class FreeSpace:
         return free
 
     def hulls_free(self, corners: FloatArray, margin: float) -> BoolArray:
-        """Return which convex hulls of corners (N, c, 2), m, lie in the free region, ``margin`` (m) from its border.
+        """Return which convex hulls of corners (N, c, 2), m, are free, at least ``margin`` (m) from the border.
 
-        The result equals :meth:`shapes_free`, which is slower. It is called only while the compiled loop does not pay,
-        and for hulls that the loop cannot decide, such as those at the margin up to rounding.
+        The result equals that of :meth:`shapes_free`, which is slower. That method is called only while the compiled
+        loop does not pay, and for hulls that the loop cannot decide, such as those at the margin up to rounding.
         """
         hulls = geometry._hulls
         if not hulls.is_worth_compiling(len(corners)):

@@ -184,8 +184,9 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
 def towards_ball(
     places: FloatArray, centre: Sequence[float], radius: float, rays: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return evenly spread rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
+    """Return rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
 
+    The rays of a point end evenly spread over a disc of this radius round the centre, which faces the point.
     The points are (N, 3), m. Directions and lengths are 0 for points inside the ball.
     """
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
@@ -201,7 +202,10 @@ def over_disc(count: int) -> FloatArray:
 
 
 def _balls(planes: FloatArray) -> FloatArray:
-    """Return balls (C, 4) inside a hull, centre and radius, the largest first; its first six planes are its box."""
+    """Return balls (C, 4) inside a hull, centre and radius, the largest first.
+
+    The first six of the hull's ``planes`` must be its bounding box.
+    """
     high, low = planes[:3, 3], -planes[3:6, 3]
     longest = int(np.argmax(high - low))
     steps = [np.linspace(-0.4, 0.4, 5) if k == longest else np.linspace(-0.25, 0.25, 3) for k in range(3)]

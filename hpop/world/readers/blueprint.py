@@ -83,7 +83,7 @@ def without_specks(raster: Raster, smallest: float) -> tuple[BoolArray, str]:
 
 
 def closed_from(raster: Raster, inside: tuple[float, float]) -> tuple[BoolArray, str]:
-    """Make all free cells solid that cannot be reached from a point (x, y), m; return the cells (H, W) and a note.
+    """Return all cells (H, W) that are solid or cannot be reached from a point (x, y), m, and a note on their area.
 
     A cell is connected to its four neighbours that share a side, so a line of pixels that touch at corners is closed.
     Raises MapError for a point in an obstacle or beyond the image.

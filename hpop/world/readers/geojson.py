@@ -303,7 +303,11 @@ class _Plan(NamedTuple):
 
 
 def _heights(feature: Feature, notes: FeatureNotes) -> Heights:
-    """Return the heights (z_min, z_max) of a feature, m. Missing or unreadable ones are unlimited, the latter noted."""
+    """Return the heights (z_min, z_max) of a feature, m.
+
+    A missing lower end is 0 if there is an upper end; a missing upper end is unlimited. Both ends are unlimited, with a
+    note, if a height cannot be read.
+    """
     properties = feature.data.get("properties")
     if not isinstance(properties, dict):
         notes.add(feature, "no properties, so of unlimited height")

@@ -68,7 +68,10 @@ class SceneEntry(NamedTuple):
         return tuple(float(real(self.what, value, -MOST, MOST, error=MapError)) for value in given)
 
     def name(self, what: str) -> str:
-        """Return a name, a text that is not empty; ``what`` says in a message what it names."""
+        """Return the value of the entry, a name; MapError unless it is a text that is not empty.
+
+        ``what`` is the named thing, for the message, such as "a link".
+        """
         if not isinstance(self.given, str) or not self.given:
             raise self.fault(f"the name of {what}")
         return self.given
@@ -83,8 +86,8 @@ OCTOMAP = "<octomap>"
 def link_rules(scene: SceneEntry, before: LinkRules) -> LinkRules:
     """Return the rules of a message, given those of the messages ``before``, as MoveIt applies them.
 
-    Padding and scale of links that the message names are replaced. Its matrix replaces the one before unless it is
-    empty.
+    Padding and scale of links that the message names are replaced. The message's collision matrix replaces the matrix
+    before, unless the new one is empty.
     """
     pairs, others = _matrix(scene.get("allowed_collision_matrix"))
     if not pairs and not others:
@@ -224,7 +227,7 @@ WORD = re.compile(r"\S+")
 
 
 def is_scene_text(text: str) -> bool:
-    """Return whether a text is a scene in this format; YAML has no lines that begin with an asterisk and a space."""
+    """Return whether a text is in MoveIt's text format, not YAML: a line begins with an asterisk and a space."""
     return OBJECT.search(text) is not None
 
 

@@ -128,7 +128,10 @@ def read(path: str | Path) -> World:
 
 
 def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> None:
-    """Apply a message (a scene, or a change of a scene) to ``objects`` in place; MapError for unreadable objects."""
+    """Apply a message to ``objects`` in place; MapError for unreadable objects.
+
+    With ``is_diff`` the message is a change of a scene, which may remove, move and extend objects; else it only adds.
+    """
     world = scene.get("world")
     if not isinstance(world.given, dict) or "collision_objects" not in world.given:
         raise MapError(

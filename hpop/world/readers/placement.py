@@ -283,7 +283,7 @@ class Placement:
 
 
 def _as_degrees(shapes: NDArray[np.object_]) -> BoolArray:
-    """Return which geometries (n,) look like degrees: within 180 and 90, spans below `SMALL`, and no points."""
+    """Return which geometries (n,) look like degrees: within 180 and 90, spans below `SMALL`, and not points."""
     bounds = shapely.bounds(shapes).reshape(-1, 4)
     spans = bounds[:, 2:] - bounds[:, :2]
     within = (np.abs(bounds) <= MOST_DEGREES * 2).all(axis=1)

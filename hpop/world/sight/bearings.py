@@ -91,9 +91,9 @@ class Bearings:
     def layers(self, nearest: float) -> FloatArray:
         """Return coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
 
-        The first is the distance d. The second is 1 / max(d, nearest), 1/m, sampled itself. The third is the weight of
-        the second: 1 where d jumps among the sixteen nodes of a spline, and 0 elsewhere, where 1/d is computed from the
-        first.
+        The last axis has B distances d, then B values of 1 / max(d, nearest), 1/m, then B weights w, 0 or 1. H and W
+        include the padding. A reader blends two inverses of d: the second spline with weight w, and 1/d of the first
+        spline with weight 1 - w. At the nodes w is 1 within two nodes of a bend or jump of d.
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]

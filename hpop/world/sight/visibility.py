@@ -362,7 +362,7 @@ def _grid(ground: Ground, least: float = 0.0) -> tuple[FloatArray, FloatArray, f
 
 
 def _outside(ground: Ground) -> BaseGeometry:
-    """Return the obstacle beyond the extent, m; empty if the outside is no obstacle."""
+    """Return the obstacle beyond the extent, m, a band round it; empty if the area beyond is no obstacle."""
     width = BEYOND + 2 * _grid(ground)[2]
     around = shapely.box(*ground.bounds).buffer(width, join_style="mitre")
     return shapely.difference(around, ground.extent) if ground.outside_is_obstacle else shapely.MultiPolygon()

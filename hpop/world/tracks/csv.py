@@ -319,7 +319,7 @@ def _delimiter(line: str) -> str:
 
 
 def _without_titles(first: Sequence[str], source: TrackFile) -> dict[str, int]:
-    """Return column indices by column number as text, for a file without titles; MapError unless it has 4 or 5."""
+    """Return {"0": 0, "1": 1, ...} for the columns of a file without titles; MapError unless there are 4 or 5."""
     if len(first) not in (4, 5):
         raise source.error(
             f"has no header, and {len(first)} columns; expected id, t, x, y, or a header that names them."

@@ -201,7 +201,7 @@ class Track:
 
 
 def _column(name: str, values: Any, most: float) -> FloatArray:
-    """Return numbers as a read-only array (N,); MapError unless all are finite and at most ``most``."""
+    """Return numbers as a read-only array (N,); MapError unless all are from -``most`` to ``most``."""
     try:
         array = np.array(values)
     except (TypeError, ValueError, OverflowError):
