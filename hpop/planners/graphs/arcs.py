@@ -163,7 +163,10 @@ def _with_ties_broken(graph: Graph, turned: NDArray[np.int8], column: int) -> Gr
 
 
 def _turned_in_base(graph: Graph, turned: NDArray[np.int8]) -> NDArray[np.int8]:
-    """Return the numbers of turns in the arcs of the graph's base, given those ``turned`` (m,) in all its arcs."""
+    """Return the numbers of turns in the arcs of the graph's base, which it repeats in its layers.
+
+    turned  (m,)  numbers of turns in all arcs of the graph
+    """
     return np.delete(turned, graph.added.places)[: (turned.size - graph.added.before.size) // graph.layers]
 
 

@@ -37,14 +37,15 @@ class ChainSpeedGraph(TrajectoryGraph):
 
     If the motions of a chain are equal in two classes, the chain is only in the faster one.
 
-    inner  roadmap of n configurations; its nodes keep their numbers, and node (c, v) has the number (c + 1) n + v
+    inner  roadmap of n configurations; its nodes keep their numbers. Configuration v, reached by a chain of class c,
+           from 0 for the slowest, is node (c + 1) n + v
     """
 
     inner: ConfigurationRoadmap
 
     @cached_property
     def _paces(self) -> list[dict[str, str]]:
-        """For each class, from slow to fast: the kinds that its motions have in the place of others."""
+        """For each class, from slow to fast: dict from kinds of motion to the kinds that replace them."""
         return [dict(pace) for pace in self.model.paces] or [{} for _ in self.model.speed_classes]
 
     @cached_property
@@ -189,7 +190,10 @@ class ChainSpeedGraph(TrajectoryGraph):
 
     @property
     def turned(self) -> NDArray[np.int8]:
-        """Number (m,) of motions in each arc, plus the number of faster classes, so that fast paths win ties."""
+        """Number (m,) of motions in each chain, plus the number of faster classes, so that fast paths win ties.
+
+        It is 0 for the arcs without motions, which lead from nodes of a class to configurations.
+        """
         arcs, classes = self._offered
         slower = (len(self._paces) - 1 - classes).astype(np.int8)
         free = np.zeros(self.heads.size - arcs.size, np.int8)

@@ -164,7 +164,8 @@ class GraphFamily:
     ) -> Iterator[BuiltGraph]:
         """Yield the graphs of :meth:`graphs`, extended for the model's speeds and the problem's tour.
 
-        With several speeds, each graph has a copy (layer) for each of them (two if people move), and one at rest.
+        With several speeds, each graph has a copy (layer) at rest and one for each speed, or two for each speed if
+        people move.
 
         With a tour, only the whole graph is yielded, with a copy (layer) for each set of visited stops. Parts of the
         graph are left out, since they need not contain the stops.

@@ -61,7 +61,8 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float, *, beside: bool
     """Return the graph with nodes for the problem's start and goals.
 
     An end that equals a free state of the graph uses its node. Any other end becomes a new node, connected to states
-    nearby. Raises QueryError if the start, or every goal, is blocked or cannot be connected.
+    nearby; so does a goal with any heading that is near such a start. Raises QueryError if the start, or every goal, is
+    blocked or cannot be connected.
 
     Parameters
     ----------
@@ -159,7 +160,7 @@ class JoinedEnds(TrajectoryGraph):
         return self.inner.at_rest(ids)
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
-        """Return the nodes (N,) of nodes (N,) at speeds (N,), m/s; those of ends stay."""
+        """Return, for nodes (N,) and speeds (N,), m/s, the nodes of their states at these speeds; ends stay."""
         return np.where(states < self.inner.size, self.inner.in_layer(states, speeds), states)
 
     def node(self, what: str) -> int:

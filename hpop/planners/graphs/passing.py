@@ -259,7 +259,7 @@ def _heads(heads: IntArray | NDArray[np.int32], passing: BoolArray, count: int, 
 
 
 def passing_query(query: Query, passage: Passage) -> Query:
-    """Return a query that is restricted to the paths that make a passage; no person moves in it."""
+    """Return a query that is restricted to the paths that make a passage; ``query`` must have no moving people."""
     space = PassingGraph(query.space.model, query.space.world, query.space, passage, spending=query.space.spending)
     start, count = query.start + space.begins(query.start), query.space.size
     goals = [goal + count for goal in query.goals]

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 def with_run_speeds(ends: Ends, model: Model) -> Ends:
     """Return the graph in which each straight run has one of the speeds of the model, for plans among moving people.
 
-    The given graph is returned if the model has one speed.
+    The given graph is returned if the model has one speed, or if the graph is not in the plane.
     """
     space, alone = ends.space, ends.space.states_alone
     if not model.speed_classes or alone is None:
@@ -111,13 +111,17 @@ class RunSpeedGraph(StateGraph):
         return np.asarray((ids < self.inner.size) | (ids > self.size) | ((ids == self.size) & (self.arrives == 0.0)))
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
-        """Return the nodes (N,) of nodes (N,) at speeds, m/s (N,), along a path; a run begins where it was at rest."""
+        """Return the nodes (N,) of a path, given by nodes (N,), whose layers are ignored, and speeds (N,), m/s.
+
+        A node with a speed is in the layer in which runs begin if the node before it has the same state at rest;
+        otherwise it is in the layer in which runs go on.
+        """
         states, layers = states % self.inner.size, np.abs(speeds[:, None] - [0.0, *self.speeds]).argmin(axis=1)
         begins = np.append(False, (states[1:] == states[:-1]) & (layers[:-1] == 0))
         return np.asarray(states + self.inner.size * (layers + len(self.speeds) * ((layers > 0) & ~begins)))
 
     def arriving_at(self, speed: float) -> RunSpeedGraph:
-        """Return the graph to which a start may be joined at which the robot arrives at a speed, m/s."""
+        """Return this graph for a start beside it at which the robot arrives at ``speed``, m/s, and then stops."""
         return copied(self, arrives=speed)
 
     def costed_in(self, world: World) -> RunSpeedGraph:

@@ -44,7 +44,8 @@ if TYPE_CHECKING:
 def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, moving: bool = False) -> Ends:
     """Return the graph in which the robot chooses among the speeds of the model, its ``speed_classes`` or ``paces``.
 
-    ends      graph with start and goals among its nodes; returned as it is if the model has one speed, or it has speeds
+    ends      graph with start and goals among its nodes; returned as it is if the model has one speed, or
+              the graph has changes of speed already
     criteria  costs that the search minimises
     moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
 
@@ -134,7 +135,7 @@ class SpeedGraph(TrajectoryGraph):
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
         """Merge values of arcs of the graph of states (a,), for all speeds, and of its joins (j,) into one array (m,).
 
-        It is in the order of all arcs; changes of speed have the value 0.
+        The array is in the order of all arcs of this graph. Its value is 0 for changes of speed.
         """
         slower = np.tile(inner[self._in_place_and_moves[1]], len(self.speeds) - 1)
         none, last = (np.zeros(size, inner.dtype) for size in (self._changes[0].size, 1 + self._slowing[0].size))
@@ -168,12 +169,12 @@ class SpeedGraph(TrajectoryGraph):
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
     def _states_of(self, nodes: IntArray) -> IntArray:
-        """Return the state (N,) of the inner graph at each node; at a join, the state to which it leads."""
+        """Return the node (N,) of the inner graph for each node; for the node of a join, the one to which it leads."""
         last, heads = self.inner.size * self.layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self.layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
-        """Return the robot's states (N,) at some nodes, without speeds; at a join, that to which the join leads."""
+        """Return the robot's states (N,) at nodes, without speeds; for a join's node, the state to which it leads."""
         return self.inner.states(self._states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
@@ -243,7 +244,7 @@ class SpeedGraph(TrajectoryGraph):
 
     @property
     def _slowing(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Changes to rest at a start to which the robot comes at a speed, as three arrays like those of `_changes`."""
+        """Changes to rest at the start ``slowed``, one from each speed, as three arrays like those of `_changes`."""
         since = np.arange(1, 1 if self.slowed is None else self.layers)
         return np.full(since.size, self.slowed or 0), since, 0 * since
 

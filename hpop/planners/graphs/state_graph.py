@@ -56,7 +56,10 @@ class StateGraph(TrajectoryGraph):
         return change(self)
 
     def arriving_at(self, speed: float) -> StateGraph:
-        """Return the graph to which a start may be joined where the robot arrives at a speed, m/s; by default, this."""
+        """Return this graph for a start beside it at which the robot arrives at ``speed``, m/s.
+
+        By default, the graph is returned unchanged.
+        """
         return self
 
     @abstractmethod

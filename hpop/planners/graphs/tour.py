@@ -136,7 +136,7 @@ class TourGraph(TrajectoryGraph):
 
     @cached_property
     def _skips(self) -> dict[tuple[int, int, tuple[int, ...], int], int]:
-        """Number of each kind of arc between layers; ``_climbs`` refers to the kinds by these numbers.
+        """Index of each kind of arc between layers, to which ``_climbs`` refers.
 
         A kind is (layer, visited stop, skipped stops, next layer). Stop and next layer are NONE for an arc that ends
         the tour by skipping the remaining stops.

@@ -290,7 +290,7 @@ class TrajectoryGraph(ABC):
         return None
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
-        """Return the nodes (N,) of states of `one_layer` (N,) at speeds (N,), m/s."""
+        """Return, for nodes (N,) of `one_layer` and speeds (N,), m/s, the nodes (N,) of this graph at these speeds."""
         return states
 
     def is_join(self, nodes: IntArray) -> BoolArray:

@@ -137,7 +137,7 @@ class LatticeGraph(GraphFamily):
     def _part(self, lattice: StateLattice, problem: Problem, most: int) -> StateLattice | None:
         """Return the part of a lattice that has the ``most`` positions nearest to the shortest paths.
 
-        None for a small lattice, or if there is no path.
+        None if the lattice has at most LARGE times ``most`` positions, or if no path leads to the first goal.
         """
         if lattice.cells[0].size <= LARGE * most:
             return None

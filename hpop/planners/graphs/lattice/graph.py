@@ -113,8 +113,8 @@ class StateLattice(StateGraph):
     def stations(self) -> Stations:
         """Stations of the model (headings with values of its other coordinates), and the motions between them in place.
 
-        Raises ModelError if two kinds of motion lead from one station to the same other one, since a sequence of states
-        would then not say which motion is meant.
+        Raises ModelError if two kinds of motion lead from the same first to the same last station, since a
+        sequence of states would then not say which motion is meant.
         """
         stations = in_plane(self.model).stations(self.headings.yaw)
         joined: dict[tuple[int, int], str] = {}

@@ -360,7 +360,7 @@ def _guides_text(count: int, states: int) -> str:
 
 
 def _constraints_text(ends_and_guides: Survey) -> str:
-    """Return what all motions of a roadmap keep, and how goals are approached, as text for certificates."""
+    """Return the constraint of all motions of a roadmap, and how goals are approached, as text for certificates."""
     kept = ends_and_guides.connections.collision.constraint
     lines = {str(goal.straight) for goal in ends_and_guides.problem.target.alternatives() if goal.straight is not None}
     texts = [f"on which {kept}"] * bool(kept)

@@ -126,7 +126,10 @@ class RoadmapGraph(GraphFamily):
         return replace(built, notes=(few, *built.notes)) if drawn < self.samples else built
 
     def _in_time(self, problem: Problem, spending: Spending) -> ConfigurationRoadmap:
-        """Build the roadmap of states in time, from a roadmap of the robot alone that has many views."""
+        """Build the roadmap of states in time, from a roadmap of the robot without time.
+
+        Some samples of the latter are views: states in which the camera looks at the body that it watches.
+        """
         alone = timeless_problem(problem)
         found = survey(alone, 0 if is_free_ending(problem) else self.trees, self.seed, spending)
         views = drawn_views(problem, alone, self.samples, self.seed)

@@ -175,7 +175,13 @@ def _steps(size: int, tails: IntArray, heads: IntArray, lasts: IntArray, start: 
 def _links(
     tails: IntArray, heads: IntArray, lasts: IntArray, earliest: IntArray, latest: IntArray, first: IntArray
 ) -> IntArray:
-    """Return the copies (L, 2) of links at each step at which both of their ends have copies."""
+    """Return links (L, 2) between copies of nodes: each link (tail, head), at each step at which it can be used.
+
+    tails, heads      nodes of the links of the roadmap without time
+    lasts             steps that each link takes
+    earliest, latest  by node: first and last step at which it has a copy
+    first             by node: a step plus this number is its copy at that step
+    """
     counts = np.maximum(0, np.minimum(latest[tails], latest[heads] - lasts) - earliest[tails] + 1)
     row, number = numbered(counts)
     begin = earliest[tails[row]] + number

@@ -82,7 +82,10 @@ def timed_graph(
 
 @dataclass(frozen=True, eq=False)
 class _Assembly:
-    """Intermediate results of :func:`timed_graph`, each computed when it is first used; fields are its arguments."""
+    """Intermediate results of :func:`timed_graph`, each computed when it is first used.
+
+    The fields are the arguments of that function.
+    """
 
     space: StateGraph | JoinedEnds
     criteria: tuple[Criterion, ...]
@@ -111,7 +114,7 @@ class _Assembly:
 
     @cached_property
     def horizon(self) -> int:
-        """Tick after which no cost and no blocked arc changes any more, or the tick of the latest arrival."""
+        """Tick after which no cost and no blocked arc changes any more; at most the tick after ``arrive_by``."""
         settled, arrive_by = self.safety.settled(self.moving_people.settled), self.options.arrive_by
         last = settled + SLACK  # until then a person may be in the way of a plan that deviates from the clock
         last = last if arrive_by is None else min(last, arrive_by)
@@ -353,7 +356,10 @@ class _Assembly:
         )
 
     def _cut(self, states: States) -> BoolArray:
-        """Return at which ticks the robot must not stand at places: near people, and always where it drives."""
+        """Return at which ticks the robot must not stand at places, as a mask (P, H + 1).
+
+        It must not stand near people, and never at a place whose nodes have a speed, where it can only drive on.
+        """
         cut = self.safety.cut(states.x, states.y, self.horizon)
         driving = ~self.space.at_rest(np.arange(self.space.size))
         cut[self.place[: self.space.size][driving]] = True

@@ -187,7 +187,7 @@ class TimedArcs:
         return States(**{name: np.nan_to_num(column) for name, column in states.__dict__.items()})
 
     def legs(self, arcs: IntArray) -> list[LegMotions]:
-        """Return the motions of some arcs (r,), in ascending order: all first motions, all second ones, and so on.
+        """Return the motions of arcs (r,), given in ascending order: all first motions, all second ones, and so on.
 
         Motions of different kinds are in different items. Their field ``of`` refers to the arcs by position in
         ``arcs``.

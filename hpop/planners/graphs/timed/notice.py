@@ -55,7 +55,9 @@ class MovingPeople(NamedTuple):
         return max((person.settled for person in self.people), default=0.0)
 
     def with_those(self, numbers: Collection[int]) -> World:
-        """Return the world with all standing people, but only some moving ones, and people in conversation with them.
+        """Return the world with all standing people and some moving ones; the other moving people are left out.
+
+        Moving people in conversation with one of those in ``numbers`` are kept too.
 
         numbers  indices into ``moving``
         """

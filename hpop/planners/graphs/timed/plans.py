@@ -50,8 +50,8 @@ class GraphOnClock:
     attention        distances within which criteria notice people
     earliest         (n,)  earliest tick at which the robot can be at each node
     people_stop      whether people who would walk into the robot at its start are predicted to stop before it
-    last_rows        in a tour, the second row in the tables of each arc to a goal, by arc: for paths that end with it,
-                     as its first row is for paths that go on
+    last_rows        where paths may pass goals, as in a tour, some arcs to a goal have two rows in the tables: one for
+                     paths that go on, and a second for paths that end with the arc. Number of the second row, by arc
     """
 
     graph: TimedGraph

@@ -192,6 +192,8 @@ def hold_costs(
 def standing_rates(criteria: Sequence[Criterion], space: TrajectoryGraph, tick: float) -> FloatArray:
     """Return the costs (n, k) of standing for a tick in each state of a graph, by criteria that ignore time.
 
+    For a criterion that takes the worst moment, it is the cost at one moment.
+
     tick  s, duration of a tick
     """
     rates = np.zeros((space.size, len(criteria)))

@@ -132,7 +132,10 @@ class Safety:
         return all(part.on_axis for part in self.parts)
 
     def needed(self, person: Person, seconds: FloatArray, margin: float) -> Separation:
-        """Return the distances needed from a person at times (T,), s, for a margin, m; 0 is to avoid contact."""
+        """Return the distances needed from a person at times (T,), s.
+
+        margin  m, gap to keep; with 0, only contact is avoided
+        """
         deviation = np.broadcast_to(np.asarray(person.deviation(seconds), float), seconds.shape)
         disc = self.reach + person.radius + margin
         return Separation(margin + SIGMAS * deviation, clear_distance(deviation, disc))

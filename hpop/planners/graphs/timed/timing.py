@@ -222,7 +222,7 @@ class Timing:
 
     @property
     def _stopping(self) -> tuple[str, ...]:
-        """A note, for the user, that names the people who are predicted to stop in front of the robot."""
+        """A note, for the user, that names the people who are predicted to stop in front of the robot; () for none."""
         return (taken_to_stop(self.people, self.stopping),) if self.stopping else ()
 
     def is_open_alone(self, query: Query) -> bool:

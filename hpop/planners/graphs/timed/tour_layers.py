@@ -57,7 +57,8 @@ class TimedTour:
     tour     graph of the tour without a clock
     graph    graph that is searched
     goals    goals in the last layer
-    origins  (m,)  arc of ``timed`` for each arc; NONE for visits with a dwell time, and for a tour without a motion
+    origins  (m,)  arc of ``timed`` for each arc; NONE for visits with a dwell time, and for an arc that is a whole tour
+             without motion: the start is a goal, and its stops are visited in no time
     stops    (m,)  stop at which the robot stands during each arc; NONE for other arcs
     needed   s     shortest duration of a visit, for each stop of the tour
     """
@@ -153,7 +154,7 @@ class _Arcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _Layering:
-    """Intermediate results of :func:`timed_tour`; fields are its arguments."""
+    """Intermediate results of :func:`timed_tour`; the fields are the arguments of that function."""
 
     timed: GraphOnClock
     tour_graph: TourGraph
@@ -221,7 +222,8 @@ class _Layering:
         """Return, for each layer that some node of ``layer`` reaches in no time, the least weight (n,) to get there.
 
         Stops without a dwell time are visited at their nodes. At a goal, the tour may also skip the optional stops that
-        remain, which leads to the last layer. The weight is NEVER at nodes that do not reach the layer.
+        remain, which leads to the last layer. A weight is the cost, in quanta, of the stops skipped on the way; it
+        is NEVER at nodes that do not reach the layer.
         """
         endings = {i: skipped for i, skipped in self.tour.endings if skipped}
         found = {layer: np.zeros(self.count, np.int64)}
@@ -277,10 +279,11 @@ class _Layering:
         return arcs.take(np.argsort(arcs.tails, kind="stable"))
 
     def _from_start(self, arcs: _Arcs) -> Iterator[_Arcs]:
-        """Yield the arcs that leave a node after stops were visited there in no time, as copies from that node.
+        """Yield arcs for paths that visit stops in no time at their first node, before they leave it.
 
-        Paths begin at the start; in a drive, they may begin at any node, in any layer. If the start is a goal, a tour
-        may consist of such visits alone: then an arc that lasts a tick is added for it.
+        Each is a copy of an arc that leaves this node in the layer after the visits; the copy begins in the layer
+        before them. Paths begin at the start; in a drive, at any node, in any layer. If the start is a goal, a tour may
+        consist of such visits alone: then an arc that lasts a tick is added for it.
         """
         start, layers, nodes = self.timed.start, arcs.tails // self.count, arcs.tails % self.count
         for layer in range(self.last) if self.anywhere else (0,):
