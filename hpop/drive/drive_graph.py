@@ -84,8 +84,8 @@ class DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
         The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. If the graph
-        ``like`` is given, stops of a tour have the states that they have in it, and the robot may come to the start at
-        any of several speeds. A start ``beside`` the graph is always joined. Raises QueryError if an end cannot be.
+        ``like`` is given, stops of a tour have the same states as in ``like``, and the robot may come to the start at
+        any of several speeds. A start ``beside`` the graph is always joined. QueryError if start or goal cannot be.
         """
         began = time.perf_counter()
         ends = with_ends(inner, problem, inner.reach(problem), beside=beside)
@@ -101,7 +101,7 @@ class DriveGraph:
         """Return this graph with a new start: that of a problem, a state off the graph, joined to it by motions.
 
         Criteria and closed areas stay. The problem must have the goal of the drive. Among moving people, the robot
-        comes there at the speed of ``state`` (1,). ``always`` joins any start, to farther states too.
+        is at the start at the speed of ``state`` (1,). ``always`` joins any start, to farther states too.
         """
         inner = self.inner if state is None else self.inner.arriving_at(float(speed_of(state)[0]))
         like = self.query.space.one_layer

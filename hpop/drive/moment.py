@@ -87,6 +87,8 @@ def past(plan: Plan, end: float, stretches: Sequence[Stretch], criteria: Sequenc
 def _costs(criteria: Sequence[Criterion], trajectory: Trajectory, stretch: Stretch, end: float) -> Iterator[FloatArray]:
     """Yield the costs (k,) of a stretch up to a time, s: first of whole motions, then of the motion under way.
 
+    The cost of a time-mean is its time integral here.
+
     The part of the motion under way keeps the timing of the whole motion, because a part of a turn would take longer as
     a turn of its own.
     """

@@ -34,8 +34,8 @@ STRAIGHT = "straight"
 class PerceivedMotion(NamedTuple):
     """Motions that a person aboard perceives as one: consecutive straight moves, or a single other motion.
 
-    kind        kind of its motion law; "straight" for moves
-    change      change of each state variable, and of the speed if the model has several
+    kind        name of the motion law, such as "turn"; "straight" for moves
+    change      (k + 1,) change of each of the k state variables, then of the speed; 0 for a model with one speed
     begin, end  s, from the beginning of the trajectory
     """
 
@@ -127,7 +127,7 @@ class Commit:
     place    index of the state in the driven plan
     stands   s, time for which the robot stands there first
     arrives  whether this place is the goal
-    before   the plan up to there
+    before   the plan up to there, with the time for which the robot stands there
     remaining  the announced plan from there on
     later    further places, soon afterwards, at which the robot may change its plan
     tour     the tour, with the stops that are done there; None without a tour

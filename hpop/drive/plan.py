@@ -79,7 +79,7 @@ def speed_of(states: States) -> FloatArray:
 
 
 def at_speed(trajectory: Trajectory, speed: float) -> Trajectory:
-    """Return a trajectory that ends at a speed, m/s: if need be, a change of speed follows."""
+    """Return a trajectory followed by a change to a speed, m/s, if it ends at another and the model has several."""
     speeds = speed_of(trajectory.states)
     if abs(speeds[-1] - speed) <= SAME or CHANGE not in laws_of(trajectory.model):
         return trajectory

@@ -34,7 +34,7 @@ def front_of_rest(
     past: Callable[[], Past],
     visits: Visits | None = None,
 ) -> tuple[Front, Point | None, int | None]:
-    """Return the front of remaining plans, a point for the present plan if it is dominated, and the latter's index.
+    """Return the front of remaining plans, a point for a dominated present plan, and the index of the present plan.
 
     A dominated present plan has the index after the last point of the front. The point is None if the present plan is
     in the front; point and index are None if there is no present plan.

@@ -217,7 +217,7 @@ class TimedDriveGraph:
         return is_there and {*about} <= {*self.timed.safety.about_start}
 
     def is_other_part_of(self, made: TimedDriveGraph) -> bool:
-        """Return whether a graph has equal people and closed areas, and exactly one of the two has a person near."""
+        """Return whether ``made`` has equal people and closed areas, but only one of the two has `near` nodes."""
         return self.base is made.base and self.people == made.people and bool(self.near) != bool(made.near)
 
     def node(self, state: States) -> int:

@@ -42,8 +42,8 @@ class TourProgress:
     """Stops of a tour that are done at some time of a drive.
 
     tour         the tour, with the stops that are done
-    since        s since the plan began; motion of the plan before this time counts for no further visit
-    visits       visits so far, in order of time; their times are seconds since the drive began
+    since        s since the plan began; no further visit may begin before this time
+    visits       visits so far, in order of time; their times are in s, on the clock of the drive
     passed_over  names of the optional stops that were missed because a later stop was visited
     skipped      names of the stops that were skipped on request, in this order
     """

@@ -39,8 +39,8 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
     """Return the option that meets a wish with the least loss in the other costs.
 
     - "fewer turns", "less exposure": less of that cost than the remaining plan, with the least loss in other costs.
-    - "hurry": the least duration among options in which no other cost grows by more than a fifth, or by more than its
-      share in ``shares``.
+    - "hurry": the least duration, if it is less than that of the remaining plan, among options in which no other cost
+      grows by more than its share in ``shares``, or by more than a fifth if it has no share there.
     - ``wish`` None and shares, such as ``duration=-0.2``: each named cost grows by at most its share (here it falls by
       a fifth or more), with the least loss.
 
@@ -62,7 +62,7 @@ class _CheckedWish(NamedTuple):
     """A valid wish.
 
     name    name of the cost to reduce, None if the wish names none
-    shares  largest growth of each named cost, as a share
+    shares  by name of a cost, its largest growth, as a share of the remaining plan's cost
     """
 
     name: str | None

@@ -222,7 +222,8 @@ class Approach:
     def _stays(self, motions: Motions, line: _Line, owner: IntArray) -> BoolArray:
         """Return which motions (M,) of a law are proved to stay near a line; ``owner`` (M,) says near which.
 
-        Motions are halved until each part moves and turns less than the tolerances leave in its middle.
+        Motions are halved until the body moves and turns less in each part than what its error in the middle of the
+        part leaves of the tolerances.
         """
         world, model, law, start, end = motions.world, motions.model, motions.law, motions.start, motions.end
         kept, motion = np.ones(start.size, dtype=bool), np.arange(start.size)
@@ -269,7 +270,10 @@ class _Line:
         return cls(approach, frame, _columns(way, size))
 
     def frames(self, lines: IntArray, before: float) -> FloatArray:
-        """Return position, axis ahead and axis left (L, 9) of the body on some lines, ``before`` m from their ends."""
+        """Return position, axis ahead and axis left of the body (L, 9), 3 columns each, ``before`` m from lines' ends.
+
+        lines  (L,) indices of the lines
+        """
         frames = self.frame[lines].copy()
         frames[:, :3] -= before * self.along[lines]
         return frames

@@ -28,7 +28,7 @@ class JointsAt(GoalDefaults):
     """Goal of joints at given values, each within a tolerance; joints that are not named may have any value.
 
     values     rad or m  value of each joint, by name
-    tolerance  rad or m  largest difference of all joints, or of each by name
+    tolerance  rad or m  largest difference from the value: one number for all joints, or by name one for each
     """
 
     name: ClassVar[str]
@@ -94,9 +94,10 @@ class JointsAt(GoalDefaults):
     def _inside(
         self, model: Model, space: StateSpace, kept: Region, columns: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Return columns of states that are moved, within bounds of the joints, until the robot keeps an orientation.
+        """Return columns of states that are moved, within the limits in ``space``, towards the region ``kept``.
 
-        Those for which this fails stay as they are.
+        There the robot keeps the orientation that it must keep. Some states may still be outside. States that would
+        leave the tolerances of the goal stay as they are.
         """
         sought = InverseKinematics(model, space, kept)
         given = States(**columns)

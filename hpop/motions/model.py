@@ -352,17 +352,17 @@ class ModelInTime(Model, Protocol):
     """Model that provides "time", for a robot beside something that moves as given; the last state is the time, s.
 
     Every trajectory begins at time 0 and ends at the largest time of the space. The first states are those of the
-    timeless model, and the first bodies are its bodies. States between them and the time are 0 where the robot rests.
+    timeless model, and the first bodies are its bodies. Further states before the time are 0 where the robot rests.
     If the wanted end is too soon, which ``joinable`` says, ``connect`` ends the motion later.
     """
 
     @property
     def timeless(self) -> Model:
-        """Model of the robot alone, without the time; its states are the first ones of this model."""
+        """Model of the robot alone, without the time; its state columns are the first columns of this model."""
 
     @property
     def step(self) -> float:
-        """Longest time step, s. Motions begin and end at multiples of a step, which is at most as long."""
+        """Longest time step, s. Planners divide the time into equal steps, at most this long, at which motions end."""
 
     @property
     def watched(self) -> str:

@@ -66,9 +66,10 @@ CURVE_PANELS = 8  # least panels of a curve: rates have kinks where a speed chan
 
 
 def evenly(begin: FloatArray, width: FloatArray, owner: IntArray) -> FloatArray:
-    """Return the weights (P, 5) that integrate values at the nodes of P pieces over a fraction from 0 to 1.
+    """Return the weights (P, 5) of the values at the nodes of P pieces, whose weighted sum is the mean over a motion.
 
-    All pieces of a motion together have weights of sum 1, so their integral is the mean over the phase or motion.
+    ``begin`` and ``width`` of pieces are fractions, 0 to 1, of the motion or phase. The weights of all its pieces add
+    up to 1, if the pieces cover it.
     """
     return width[:, None] * BOOLE
 

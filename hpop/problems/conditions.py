@@ -154,7 +154,10 @@ class _Named:
 
     @classmethod
     def of(cls, world: World, text: str) -> _Named:
-        """Return the obstacle, zone or landmark that a text names; QueryError if there is none, or several."""
+        """Return the obstacle, zone or landmark that a text names; QueryError if there is none, or several.
+
+        For a text "x,y", m, return an obstacle there, else the position.
+        """
         if match := POSITION.fullmatch(text.strip()):
             x, y = map(float, match.groups())
             place = Point(x, y)
@@ -282,9 +285,9 @@ def _ends(problem: Problem) -> tuple[FloatArray, FloatArray]:
 class CostLimit:
     """Upper bounds of costs that a wish sets.
 
-    words      the wish, as the end of a sentence's subject: "with fewer turns"
-    bounds     largest value of each cost by name; exclusive if there is a ``reference``
-    reference  row of the front that the wish is compared with, and from which the bound is; None for bounds in numbers
+    words      the wish in words that follow "with": "fewer turns"
+    bounds     largest value of each cost by name; with a ``reference``, the cost must be less than this value
+    reference  row of the front whose cost is the bound; None if the user gave bounds in numbers
     """
 
     words: str

@@ -196,7 +196,7 @@ def _has_standstill(trajectory: Trajectory, i: int) -> bool:
 def _running_and_rate(
     criterion: Criterion, value: float, pieces: TrajectoryPieces, world: World
 ) -> tuple[FloatArray, FloatArray]:
-    """Return running cost (n,) and rate (n,) of one criterion over the pieces; ``value`` is its whole cost."""
+    """Return a criterion's running cost (n,) and rate (n,) as in :class:`Trace`; ``value`` is its cost in all."""
     duration = pieces.durations
     if criterion.aggregate == "trajectory":
         running = _running_with_memory(criterion, value, pieces, world)
@@ -224,7 +224,8 @@ def _running_with_memory(criterion: Criterion, value: float, pieces: TrajectoryP
 def _piece_costs(criterion: Criterion, pieces: TrajectoryPieces, world: World) -> FloatArray:
     """Return the costs (n,) of pieces; the sum (or maximum) over the pieces of a motion is the motion's cost.
 
-    If they nearly agree with it, they are scaled; else the motion's cost is spread over them, as in :func:`trace`.
+    Each piece is first evaluated by itself. If the sum of these costs nearly agrees with the motion's cost, they are
+    scaled to agree; else the motion's cost is spread over its pieces, as in :func:`trace`. Maxima are always scaled.
     """
     whole, owner = pieces.trajectory, pieces.owner
     costs = _costs_of_batches(criterion, pieces.batches(world), len(pieces))
@@ -252,7 +253,7 @@ def _costs_of_batches(criterion: Criterion, batches: Iterator[tuple[IntArray, Mo
 
 
 def _shares(pieces: TrajectoryPieces, *, counts: bool) -> FloatArray:
-    """Return which share (n,) of its motion's cost each piece gets: that of the duration.
+    """Return the share (n,) of its motion's cost that each piece gets: its share of the motion's duration.
 
     With ``counts``, for criteria that count, and for a motion without duration, the last piece gets all of it.
     """

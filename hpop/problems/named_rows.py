@@ -162,8 +162,9 @@ def stop_visits(front: Front, row: int, *, executed: bool = False, passed: Float
 def executed_times(begin: float, end: float, trajectory: Trajectory, passed: FloatArray) -> tuple[float, float]:
     """Return begin and end, s, of a visit in the execution of a trajectory, given those in its plan.
 
-    A planned standstill may be longer than the executed one, in which the robot also stops and starts. The visit begins
-    as long after the beginning of the one as of the other, and lasts as long.
+    During a planned standstill, the visit keeps its delay after the beginning of the standstill, and its duration. The
+    executed standstill may be shorter, because the robot also brakes and starts; the visit ends with it at the latest.
+    Outside of standstills, times are interpolated.
 
     passed  (n+1,)  s, times at which the execution passes the planned states
     """

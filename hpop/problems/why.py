@@ -283,9 +283,9 @@ class _Comparison:
 
     @property
     def _off(self) -> FloatArray:
-        """Differences (k,) of two evaluated costs up to which the rounding of the search may be the cause.
+        """Largest difference (k,) of two evaluated costs that may be due to the rounding of costs in the search.
 
-        A cost that is a whole number of quanta in all rows, such as turns, is not rounded: a quarter of a quantum.
+        For a cost that is a whole number of quanta in all rows, such as turns, it is a quarter of a quantum.
         """
         front, every = self.front, np.concatenate([self._columns, self.front.costs])
         counts = every / front.quanta
@@ -308,6 +308,8 @@ class _Comparison:
 
     def _passing_rows(self, rows: tuple[int, ...]) -> str:
         """Return a clause that names rows: "row 4 passes there", or "a path with the costs of row 4 passes there".
+
+        For a wish alone, which names no place, it is only "row 4".
 
         rows  rows with the costs of a path that satisfies the condition
         """

@@ -179,6 +179,7 @@ class Trajectory:
 
         at       (h,)  indices of the states, not decreasing; several holds may be at one state
         seconds  (h,)  duration of each hold, s
+        punctual       whether the execution of the result keeps to its times
         """
         if not at.size:
             return Trajectory.of_checked(self.model, self.states, self.kinds, punctual)
