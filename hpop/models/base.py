@@ -166,7 +166,8 @@ class PlanarModel(Model):
     def provides(self) -> frozenset[str]:
         """Capabilities: the names of the bodies, and "plane".
 
-        "turn-move", "rigid" and "joints" are added if laws and states have them (:attr:`hpop.motions.Model.provides`).
+        Added are "turn-move" if the laws "turn" and "move" are those of :mod:`hpop.models.laws`, "rigid" if there are
+        no states but x, y and yaw, and "joints" if there are any (:attr:`hpop.motions.Model.provides`).
         """
         found = {"plane", *self.mounts}
         if isinstance(self.laws.get("turn"), Turn) and isinstance(self.laws.get("move"), Move):

@@ -344,7 +344,7 @@ class MobileArm(OnBase, Model):
             yield f"drives with its arm unfolded in motion {i}, a {trajectory.kinds[i]}"
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of motions with a possible fault of base, arm or speed, or with an unfolded arm."""
+        """Return a mask (M,) of motions with a possible fault of base, arm or speed, or of driving unfolded."""
         found = (
             doubtful_ramps(law, start, end)
             | self.base.doubtful(law, start, end)

@@ -99,7 +99,7 @@ def stations(space: StateSpace, yaw: FloatArray) -> Stations:
     """Return all states that a lattice uses at one position, and the motions in place between them.
 
     The states are all combinations of heading (H,), rad, pan and tilt. The motions are "pan", "tilt", "turn" and
-    "unwind". Raises OptionError if no pan can turn back the difference of two headings, or if no pan of the lattice is
+    "unwind". Raises OptionError if the headings are not multiples of 45 degrees apart, or if no pan of the lattice is
     between the end stops.
     """
     pans = _pan_values(space, yaw)

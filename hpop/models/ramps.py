@@ -33,7 +33,10 @@ Limits = Mapping[str, tuple[float, float]]
 
 
 class Ramp(LawDefaults):
-    """Timing with constant acceleration, from the pace of the start to that of the end; a base class of ramps."""
+    """Timing with constant acceleration, from the pace of the start to that of the end; a base class of ramps.
+
+    The pace of a state is a share of full speed: at 1, the motion takes the time that is its :meth:`length`.
+    """
 
     extra = (PACE,)
 

@@ -240,7 +240,8 @@ def _passing_times(made: Trajectory, speed: FloatArray, passed_in: FloatArray) -
 def _run_end(planned: Trajectory, laws: Mapping[str, Law], begin: int) -> int:
     """Return the index after the last motion of the straight run that begins with motion ``begin``.
 
-    A run consists of moves in one direction and changes of speed. It ends before any other motion.
+    A run consists of moves in one direction and changes of speed. It ends before any other motion; if ``begin`` is such
+    a motion, the index is ``begin`` itself.
     """
     x, y, along, i = planned.states.x, planned.states.y, None, begin
     while i < len(planned) and SPEED in laws[planned.kinds[i]].extra:

@@ -51,7 +51,7 @@ class Assembly(NamedTuple):
 def assemble(
     robot: Robot, tip: str, base: FloatArray, fixed: Mapping[str, float], acceleration: float | Mapping[str, float]
 ) -> Assembly:
-    """Return the chain of moving joints from the root of a robot to the link ``tip``.
+    """Return the chain of moving joints from the root of a robot to the link ``tip``, with the places of all links.
 
     base          (4, 4)  pose of the root in the world
     fixed         values of joints that do not move; other joints outside the chain are at 0, or at the nearest limit

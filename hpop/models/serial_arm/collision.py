@@ -162,7 +162,10 @@ class ArmCollision:
         return np.asarray(np.maximum(0.0, least - ROUNDING)[which])
 
     def separations(self, states: States, within: float) -> Separations:
-        """Return the distance of each pair of solids closer than ``within`` m, in states (N,), with its gradient."""
+        """Return the distance of each pair of solids closer than ``within`` m, in states (N,).
+
+        Each distance comes with its gradient with respect to the joint values.
+        """
         rows, room = self._rows(states), 64 * states.size
         while True:
             owner, distance = np.empty(room, np.int64), np.empty(room)

@@ -107,7 +107,10 @@ def is_convex(corners: FloatArray, body: ConvexBody) -> bool:
 
 
 def depth(corners: FloatArray, body: ConvexBody) -> float:
-    """Return how deep, m, faces lie inside a convex body at most, at corners and middles, up to ``EXACT``."""
+    """Return how deep, m, the deepest corner or middle of faces (F, 3, 3) lies inside a convex body.
+
+    The result may be too small by ``EXACT``.
+    """
     return _depth(np.concatenate([corners.reshape(-1, 3), corners.mean(axis=1)]), body.planes, error=EXACT)
 
 

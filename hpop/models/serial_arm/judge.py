@@ -141,8 +141,7 @@ class ArmJudge:
     def _pairs(self) -> list[tuple[int, int]]:
         """Pairs of objects to be tested: two parts that move relative to each other, or a moving part and a solid.
 
-        Pairs that may touch are left out.
-        Objects are numbered: first the parts, then the solids.
+        Pairs that may touch are left out. Objects are numbered: first the parts, then the solids.
         """
         size = len(self.parts)
         own = [
@@ -241,7 +240,7 @@ def joint_frames(chain: Chain, rows: FloatArray) -> list[FloatArray]:
 
 
 def _half_sides(solid: Solid) -> FloatArray:
-    """Return half the sides (3,) of a bounding box of a shape that is centred at the shape's origin."""
+    """Return half the sides (3,), m, of the smallest box around a solid's shape whose centre is the shape's origin."""
     match solid.shape:
         case Box(size=size):
             return np.array(size) / 2

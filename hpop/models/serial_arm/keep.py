@@ -92,7 +92,10 @@ class KeptAxis(Region):
 
     @property
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Return the bounds (1,) of the angle, rad, drawn in by a tenth of their range, but not from 0 and pi."""
+        """Return lower and upper bound of the angle, rad, each (1,), between which states are drawn.
+
+        Each is moved inwards by a tenth of the range between them, except a bound of 0 or pi.
+        """
         least, most = self.angle
         inside = INSIDE * (most - least)
         return np.array([least + inside if least else 0.0]), np.array([most - inside if most < math.pi else math.pi])
@@ -252,7 +255,10 @@ class KeepingCollision(ArmCollision):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KeepingJudge(ArmJudge):
-    """Collision test for verification that also measures the orientation at each of its steps, by its own frames."""
+    """Collision test for verification that also refuses steps at which the arm does not keep the orientation.
+
+    The orientation is measured by the frames of this test, not by those of the planner.
+    """
 
     kept: KeptAxis
 

@@ -288,9 +288,10 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
     data   bytes of the file
     path   its path, for the type of the file and for messages
     scale  (3,) factors of the coordinates
-    way    what to do with a mesh that is not convex and does not consist of separate convex pieces
+    way    what to do with a mesh that is not convex and does not consist of separate convex pieces: take its convex
+           hull ("hull"), cut it into convex pieces ("decompose") or refuse it ("exact")
 
-    Raises ModelError if the file cannot be read or is too large, and for ``way`` "exact" if a piece is not convex.
+    Raises ModelError if the file cannot be read or is too large, is flat, or is refused.
     """
     surface = read_surface(data, path, scale)
     whole = _solid(surface.vertices, path)

@@ -183,7 +183,7 @@ class SerialArm(Model):
     def with_scene(self, world: World) -> SerialArm:
         """Return this arm with the objects that a planning scene attaches to its links, besides those in its hand.
 
-        Raises ModelError if an object in the hand may touch something that is neither a link nor an obstacle.
+        Raises ModelError if ``touches`` of an object names something that is no link, attached object or obstacle.
         """
         arm = self.with_attached(world)
         check_touches(arm.attached, self.links, world)
@@ -293,7 +293,10 @@ class SerialArm(Model):
 
     @property
     def paces(self) -> tuple[Mapping[str, str], ...]:
-        """Laws of reaches at each share of the speeds, in the place of "reach", if there are several shares."""
+        """Shares of the speeds, from slow to fast: for each, the law that replaces "reach"; () if there is only one.
+
+        With shares 0.5 and 1 they are ({"reach": "reach_0.5"}, {"reach": "reach"}).
+        """
         slower = tuple({"reach": f"reach_{share:g}"} for share in self._shares[:-1])
         return (*slower, {"reach": "reach"}) if slower else ()
 
@@ -338,7 +341,8 @@ class SerialArm(Model):
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """Return upper bounds (M,), m and rad, on how far tool and camera move and turn in each motion.
 
-        They are sums of the joints' changes, times the largest distance of the bodies from each joint for the former.
+        The first is the sum of the joints' changes, each times the largest distance of the bodies from this joint (1 if
+        it slides). The second is the sum of the changes of the turning joints.
         """
         law, farthest, turned = cast(JointLaw, motions.law), np.float64(0.0), np.float64(0.0)
         for name, lever, sliding in zip(self.chain.names, self._levers, self.chain.sliding, strict=True):
@@ -358,7 +362,7 @@ class SerialArm(Model):
         return [Leg("reach", States(**{n: np.where(moved, getattr(end, n), getattr(a, n)) for n in end.names}), moved)]
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
-        """Return the plan itself, because an arm executes its motions as planned."""
+        """Return the plan itself and its times, because an arm executes its motions as planned."""
         return trajectory, trajectory.times
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
@@ -392,7 +396,10 @@ class SerialArm(Model):
         return ArmJudge(*given) if self.kept is None else KeepingJudge(*given, self.kept)
 
     def judge_by(self, library: str, world: World) -> ArmJudge:
-        """Return :meth:`judge` with distances by a library: "fcl" or "coal"; ModelError if it is not installed."""
+        """Return :meth:`judge` with distances by a library, "fcl" or "coal".
+
+        If the library is not installed, the first test raises ModelError.
+        """
         return replace(self.judge(world), library=library)
 
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:

@@ -95,7 +95,10 @@ def _body(solid: Solid, added: float) -> _Body:
 
 
 def _parts(solid: Solid) -> tuple[FloatArray, float, float]:
-    """Return three sets whose Minkowski sum is a solid's shape: points in its frame, radius of a disc, of a ball, m."""
+    """Return three sets whose Minkowski sum is a solid's shape: points (P, 3), radius of a disc, radius of a ball, m.
+
+    The points are in the frame of the shape; the disc is perpendicular to its z axis.
+    """
     match solid.shape:
         case Box(size=size):
             signs = np.array(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5])).reshape(3, 8).T

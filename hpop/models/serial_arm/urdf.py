@@ -345,9 +345,10 @@ class Semantics:
     enabled: frozenset[Pair]
 
     def apart(self, links: list[str]) -> frozenset[Pair]:
-        """Return the pairs of links that need no collision test: lonely links with the given links, and ``disabled``.
+        """Return the pairs of links that need no collision test.
 
-        The pairs in ``disabled`` are all returned, also those of other links.
+        These are pairs of a link in ``lonely`` and one of the given ``links``, except those in ``enabled``, and all
+        pairs in ``disabled``, also those of other links.
         """
         pairs = {pair_of(link, other) for link in self.lonely for other in links if link != other}
         return (frozenset(pairs) - self.enabled) | self.disabled

@@ -279,7 +279,10 @@ class TwoArms(Model):
         return TwoArmsJudge(self, world)
 
     def judge_by(self, library: str, world: World) -> TwoArmsJudge:
-        """Return :meth:`judge` with distances by a library: "fcl" or "coal"; ModelError if it is not installed."""
+        """Return :meth:`judge` with distances by a library, "fcl" or "coal".
+
+        If the library is not installed, the first test raises ModelError.
+        """
         return TwoArmsJudge(self, world, library)
 
     def describe(self) -> dict[str, Any]:

@@ -45,7 +45,12 @@ class WorkMotion:
 
     @classmethod
     def of(cls, given: Any, chain: Chain) -> WorkMotion:
-        """Return the motion that a user gives for an arm with these joints; raise ModelError for an invalid one."""
+        """Return the motion that a user gives for an arm with these joints; its times are shifted to begin at 0.
+
+        given  trajectory, path of a CSV file, or {"times": [...], "joints": {joint: [...]}}
+
+        Raises ModelError for an invalid motion, such as one with other joints.
+        """
         columns, names = _columns(given), chain.names
         if sorted(columns) != sorted(("t", *names)):
             raise ModelError(
@@ -134,7 +139,7 @@ class WorkMotion:
 
 
 def _columns(given: Any) -> dict[str, Any]:
-    """Return the columns of a motion by name, unchecked, the times as "t"."""
+    """Return the columns of a motion by name, unchecked, the times as "t" (:meth:`WorkMotion.of`)."""
     if isinstance(given, Trajectory):
         table = given.table(STEP, body="joints")
         return {name: table[name] for name in ("t", *given.model.joints)}
