@@ -247,7 +247,11 @@ class _Assembly:
 
     @cached_property
     def stays(self) -> BoolArray:
-        """Mask of turns that can be treated like standing at their place: with its costs, and blocked when it is."""
+        """Mask (m,) of the turns that people affect as they affect standing at the place.
+
+        Their time-dependent costs are those of standing, and they are blocked at ticks at which the robot must not
+        stand there.
+        """
         stays = self.arcs.stays & ~self.closed
         if self.headed:
             stays[:] = False

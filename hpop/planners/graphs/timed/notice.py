@@ -3,8 +3,8 @@
 Within this distance, the range, the person is said to be noticed, and costs are computed for each tick; elsewhere they
 do not depend on time. To measure it, each criterion evaluates short holds and moves on rings around each person alone,
 at several times. The range in a direction ends where costs differ from their final value, after the prediction, by at
-most a quantum or a ten-thousandth of the largest difference (a thousandth for a criterion that takes the worst moment).
-Neglected differences are part of the tolerance of planned costs.
+most a ten-thousandth of the largest difference (a thousandth for a criterion that takes the worst moment) or, if that
+is more, by a quantum. Neglected differences are part of the tolerance of planned costs.
 """
 
 from __future__ import annotations

@@ -111,7 +111,7 @@ class StepTimes(NamedTuple):
     """Real times of a plan with s steps, and its delays.
 
     times  (s + 1,)  s, at which each step begins, then the arrival
-    off    (s + 1,)  s, delay of the plan against the clock of the search
+    off    (s + 1,)  s, delay of the plan against the clock of the search; negative if it is early
     late   (s + 1,)  s, largest further delay of the robot that executes the plan
     """
 

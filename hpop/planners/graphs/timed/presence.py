@@ -69,7 +69,10 @@ class Presence:
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """For each moving person: distance (P, H), m, by which each place is outside their range; negative inside."""
+        """By how much, m, each place is outside the range of each moving person at each tick; negative inside.
+
+        The list has an array (P, H) for each person.
+        """
         times = self.clock.seconds(np.arange(self.horizon))
         distances = self.x.size * self.horizon * np.dtype(np.float32).itemsize
         limits.hold(NOTICED, len(self.notices.of) * distances, 2 * distances)

@@ -148,7 +148,7 @@ class Safety:
     def near(self, start: Start) -> list[Person]:
         """Return the possible futures of people who may be too near to a start at its time, or within a second.
 
-        A plan that begins later than time 0 may be early there, so people count who were too near shortly before.
+        A plan that begins later than time 0 may be early there, so people who were too near shortly before count too.
         """
         early = start._replace(time=max(0.0, start.time - SLACK))
         return [person for person, _ in self.coming(early, start.time - early.time + SOON)]
@@ -157,7 +157,7 @@ class Safety:
         """Yield the possible futures of people who may come too near to a start, up to ``within`` s after its time.
 
         They come nearer than the distance that is enough for any heading of the robot. Each is yielded with the time,
-        s, from the start's time until that first happens.
+        s, from the start's time until the person first comes so near.
         """
         since = self.clock.seconds(np.arange(self.clock.within(within) + 1))
         for person in self.people:
