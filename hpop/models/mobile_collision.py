@@ -139,7 +139,7 @@ class KeepingLinks(KeepingCollision, Links):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class KeepingLinksJudge(KeepingJudge, LinksJudge):
-    """Collision test of such links for verification."""
+    """Collision test of the links of a mobile arm that keeps an orientation, for verification."""
 
 
 def check_kept(kept: KeptAxis | None, chain: Chain, folded: States) -> None:

@@ -212,7 +212,7 @@ class PanTilt(OnBase, PlanarModel):
 
     @property
     def speed_classes(self) -> tuple[float, ...]:  # type: ignore[override]  # of its base
-        """Speeds of the base, m/s, if there are several."""
+        """Speeds of the base, m/s, among which straight moves choose; () for one speed."""
         return self.base.speed_classes
 
     @property

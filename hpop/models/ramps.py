@@ -58,7 +58,7 @@ class Ramp(LawDefaults):
         return norm([ways[name] / speed for name, (speed, _) in self.limits.items()])
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return one phase with a constant second derivative."""
+        """Return one phase, in which the speed grows or falls evenly with time."""
         total = start.pace + end.pace
         positive = total > 0
         safe = np.where(positive, total, 1.0)

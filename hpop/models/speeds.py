@@ -89,7 +89,7 @@ class SpeedRamp(StraightGeometry):
     extra: ClassVar[tuple[str, ...]] = (SPEED,)
 
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
-        """Return one phase with a constant second derivative."""
+        """Return one phase, in which the speed grows or falls evenly with time."""
         total = start.speed + end.speed
         positive = total > 0
         safe = np.where(positive, total, 1.0)

@@ -106,7 +106,7 @@ class KeptAxis(Region):
         return np.array([False])
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return the angle (M,), rad."""
+        """Return the angle (M,), rad, between the axis and the direction, as the only coordinate."""
         axis = self._turned(pose)
         return (np.arctan2(norm(cross(axis, self.direction)), dot(axis, self.direction)),)
 

@@ -190,7 +190,7 @@ class SerialArm(Model):
         return arm
 
     def with_attached(self, world: World) -> SerialArm:
-        """Return :meth:`with_scene`, whatever the objects may touch."""
+        """Return the arm that :meth:`with_scene` returns, without its check of ``touches``."""
         held = {each["name"] for each in self.attached}
         more = [each for each in world.link_rules.attached if each["name"] not in held]
         return self.holding(*self.attached, *more) if more else self
@@ -398,7 +398,7 @@ class SerialArm(Model):
     def judge_by(self, library: str, world: World) -> ArmJudge:
         """Return :meth:`judge` with distances by a library, "fcl" or "coal".
 
-        If the library is not installed, the first test raises ModelError.
+        If coal is not installed, the first test by it raises ModelError.
         """
         return replace(self.judge(world), library=library)
 

@@ -42,7 +42,7 @@ class ReachInTime(LawDefaults):
         return frozenset((*self.spline.names, PACE, TIME))
 
     def least(self, start: States, end: States) -> Column:
-        """Return the least time (M,), s, from rest to rest."""
+        """Return the least time (M,), s, that a motion from rest to rest takes; 0 if no joint changes."""
         spline, (speed, acceleration) = self.spline, PEAK
         ways = [self.ways(name, start, end) for name in spline.names]
         by_speed = (speed * way / limit for way, limit in zip(ways, spline.speeds, strict=True))

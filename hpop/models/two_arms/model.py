@@ -281,7 +281,7 @@ class TwoArms(Model):
     def judge_by(self, library: str, world: World) -> TwoArmsJudge:
         """Return :meth:`judge` with distances by a library, "fcl" or "coal".
 
-        If the library is not installed, the first test raises ModelError.
+        If coal is not installed, the first test by it raises ModelError.
         """
         return TwoArmsJudge(self, world, library)
 
