@@ -127,7 +127,7 @@ def to_close(area: Any, name: str, areas: Mapping[str, BaseGeometry], closed: Se
 
 
 def to_open(area: Any, areas: Mapping[str, BaseGeometry], closed: Sequence[Closing]) -> list[Closing]:
-    """Return those of the ``closed`` areas that have this name or polygon; DriveError if there are none.
+    """Return those of the ``closed`` areas whose name or polygon is ``area``; DriveError if there are none.
 
     areas  areas that can be closed by name, for the message of the error
     """

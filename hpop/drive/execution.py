@@ -183,8 +183,8 @@ class Execution(StopLog):
 
         deadline  s of processor time of this thread for the search, by default 0.2, and 2 along a tour. Known plans
                   need no search, so a deadline of 0 returns them; a missing plan is at most a factor 1 + gap better.
-                  After a change of people, the same number of seconds of real time is spent on rebuilding the graph. If
-                  that is not enough, the options are known plans that are open and clear of people; the gap is infinite
+                  After a change of people, waiting for the graph to be rebuilt counts too, in real time. If it is not
+                  rebuilt in time, the options are known plans that are open and clear of people; the gap is infinite
         """
         deadline, now = deadline_of(deadline, self.problem), self._told(now)
         self._note_visits(now)
@@ -343,7 +343,8 @@ class Execution(StopLog):
         close   a zone of the map by its name, or a polygon, m; ``name`` names the polygon, to open it later
         open    a closed area by name, or the polygon that was closed. Zones of the map with a name are doors; keep-out
                 zones among them are closed at first
-        people  all people present now, as predicted from now on; ``groups`` are indices of people who talk together
+        people  all people present now, as predicted from now on; ``groups`` has the indices of people in each group
+                that talks together
         stop    one person, by name or index, who stands from now on
         now     s; by default the time of the last event
 

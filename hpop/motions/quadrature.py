@@ -278,7 +278,8 @@ def _nodes(
     """Yield the nodes of one block of motions, the slice ``run``.
 
     panels  number of panels of each motion
-    kinks   first and last index, for each motion, of the times at which its panels are also cut
+    kinks   for each motion, as from :func:`kinks_between`: index of the first kink at which its panels are also cut,
+            and of the first one after these
     """
     motion, panel = numbered(panels)
     owner, count = motion + run.start, panels[motion]

@@ -325,12 +325,12 @@ class _Comparison:
         return f"a path with the costs of {noun} {listed} passes there"
 
     def _place(self, rows: tuple[int, ...], row: int, better: int | None, *, never: bool) -> str:
-        """Return the end of the sentence, such as "it is never better": what the whole front says of the paths.
+        """Return the end of the sentence, such as "it is never better": how the whole front compares with the paths.
 
-        rows    rows of the front with the costs of such a path
+        rows    rows of the front whose costs a path that satisfies the condition has, too
         row     row with which the best path is compared
         better  row that is as good as the best path in each cost and better in one, or None
-        never   whether for each such path a row is as good in each cost
+        never   whether each of these paths has a row that is at least as good in each cost
         """
         if rows:
             return f"it is on the front: {self._passing_rows(rows)}"
