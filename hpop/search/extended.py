@@ -86,7 +86,10 @@ class ExtendedGraph(Graph):
 
     @property
     def bytes_to_copy(self) -> int:
-        """Bytes of the arrays of all arcs if they are not made yet; 0 without layers, where the caller counts them."""
+        """Bytes of the arrays of all arcs, which some searches make; 0 if they are made already.
+
+        Also 0 with a single layer: the code that adds arcs to the base has counted these bytes then.
+        """
         are_made = self.base is None or self.layers == 1 or "costs" in vars(self)
         return 0 if are_made else self.arcs * (2 * np.dtype(np.int32).itemsize + self.criteria * self.indptr.itemsize)
 

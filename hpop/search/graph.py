@@ -333,7 +333,7 @@ class Graph:
 
     @property
     def distinct_costs(self) -> IntArray:
-        """Rows of costs (r, k); those of each arc are one of these rows, here its own."""
+        """Rows of costs (r, k) among which the costs of every arc are; here each arc has its own row."""
         return self.costs
 
     @property

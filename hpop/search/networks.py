@@ -238,7 +238,10 @@ class AddedArcs(NamedTuple):
 
 
 def integers(values: ArrayLike, name: str, dtype: Any) -> NDArray[Any]:
-    """Return whole numbers as a contiguous array, copied unless read-only and of this dtype; else raise GraphError."""
+    """Return whole numbers as a contiguous array of a dtype; raise GraphError for values that are no such numbers.
+
+    A contiguous read-only array of this dtype is returned as it is; other values are copied.
+    """
     try:
         array = np.asarray(values)
     except ValueError as error:  # rows of different lengths

@@ -46,7 +46,7 @@ class Coordinates(Protocol):
 
     @property
     def joins(self) -> bool:
-        """True if stretches that follow each other in one straight direction become one: for reaches of an arm."""
+        """True if stretches in one straight direction become one, although the robot stands between them."""
 
     def rates(self, states: States, rates: States) -> FloatArray:
         """Return the rates (N, c) of the coordinates from the states (N,) and their rates."""
@@ -263,7 +263,8 @@ def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch 
 
     coordinates  coordinates of the robot, by which standstills are found and lengths are measured
 
-    Reaches of an arm in one straight direction, without a hold between them, become one stretch.
+    If ``coordinates.joins``, stretches in one straight direction without a hold between them become one: for example,
+    reaches of an arm.
     """
     parts: list[PathStretch | float] = []
     motions: list[int] = []

@@ -77,7 +77,8 @@ def in_order_of_shortest(search: ExactSearch, query: Query, limits: Limits) -> C
     """Return the front of the tours in one order, that of the shortest tour, as an early result.
 
     The graph has a layer for each stop only. The shortest tour is that of :meth:`.FixedStops.shortest_tour`, with one
-    state of each stop. None is returned without a tour, if its order is given already, or if no such tour is found.
+    state of each stop. None is returned without a tour, if its order is given already, if arcs are checked only
+    when a path uses them, or if no such tour is found.
 
     query  query for all orders
     """

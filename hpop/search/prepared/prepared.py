@@ -184,7 +184,7 @@ class PreparedRun:
     def _gap_of(self, search: Search, front: IntArray, gap: float, clock: DeadlineClock) -> float:
         """Return the gap that a search proves for a front (n, k), its columns in the order of the search.
 
-        gap  the smallest gap proven so far; where the search proves none below it, the result is at least this
+        gap  the smallest gap proven so far; if the search proves no smaller one, the result is this value or more
         """
         estimates = search.estimates()
         gap = proven_gap(front, estimates[:, : len(self.order)], gap)

@@ -230,7 +230,7 @@ class TimedJointBounds:
     def _typical_costs(self) -> FloatArray:
         """Return approximate costs (k,) of a whole path, by which weights are scaled.
 
-        They are the largest of the least remaining costs, or those of the four most expensive arcs if that is more.
+        They are the largest of the least remaining costs, or four times the largest cost of an arc if that is more.
         """
         least = self.bounds.least.astype(np.float64)
         far = np.array([row[row < NEVER].max(initial=0.0) for row in least])

@@ -63,7 +63,7 @@ class DescentResult(NamedTuple):
 class Descent:
     """Local search that lowers one cost by moving corners, while the other costs keep their bounds.
 
-    problem
+    problem   problem to plan
     criteria  k smooth criteria: sums, or maxima over motions
     minimise  index of the minimised criterion
     aim       (k,) bounds for the local model from which steps are computed

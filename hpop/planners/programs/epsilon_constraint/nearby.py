@@ -59,7 +59,7 @@ class LocalModel:
     are sums are modelled to second order. Costs that are maxima are modelled to first order at each local maximum along
     the path. So is the distance to obstacles at samples, which do not move when a corner slides along its segment.
 
-    problem
+    problem   problem to plan
     criteria  k smooth criteria
     polyline  polyline whose corners move
     costs     (k,) exact costs of the polyline

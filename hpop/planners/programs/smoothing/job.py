@@ -179,7 +179,7 @@ class _Solved(NamedTuple):
 class SmoothingJob:
     """Smoothing of polylines one by one: the data that they share, and a cache of programs.
 
-    problem
+    problem    problem to plan
     criteria   k criteria
     minimise   index of the criterion with most weight; None for equal weights
     intervals  least number of intervals of a program

@@ -126,8 +126,10 @@ class DrivenProgram:
     """Program that minimises a weighted sum of bounded costs over the drives with one structure of phases.
 
     ``min Σ_j w_j f_j / s_j + HASTE T/T_0 + EFFORT mean(u²)  subject to  f_j <= eps_j,  d(sample) >= bound``, and to the
-    model's limits of wheel speeds and accelerations. It is built once. Start and goal, weights, scales, bounds and the
-    initial guess are parameters. It finds local optima only.
+    model's limits of wheel speeds and accelerations. T is the duration, T_0 that of the guess, w and s are weights and
+    scales of the costs f, and u² is the sum of the squared accelerations (linear and angular), as shares of the model's
+    largest ones. The program is built once. Start and goal, weights, scales, bounds and the initial guess are
+    parameters. It finds local optima only.
     """
 
     problem: Problem

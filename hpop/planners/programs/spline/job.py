@@ -71,7 +71,7 @@ class _PathRun:
 class SplineJob:
     """Search for splines, path by path: the data that all paths share, and the cost functions of this process.
 
-    problem
+    problem      problem to plan
     criteria     k criteria
     smooth       indices of the criteria with gradients; the others are not optimised
     minimise     index of the criterion with most weight; None: equal weights, and then each criterion by itself

@@ -65,10 +65,10 @@ class Spline:
     symbols; the others are not optimised, and a note says so. Guarantees that every spline is proved free, keeps the
     limits of joints, speeds and accelerations, and costs no more than its path in any criterion with a gradient. Every
     path stays among the candidates, as a spline may be worse in the other criteria; paths without a spline are counted.
-    A spline takes at most twice as long as its path, or as long as the first cubics through it. Each is a local
-    improvement: steps end when they gain little. ``settled`` in the provenance is true if the next step is predicted to
-    gain at most a thousandth. A note counts the splines for which it is false; often these minimise costs with kinks,
-    such as rotations. Cost: 0.2 to 5 s per spline.
+    A spline takes at most twice as long as its path, or as long as the first cubics through it if these take longer.
+    Each is a local improvement: steps end when they gain little. ``settled`` in the provenance is true if the next step
+    is predicted to gain at most a thousandth. A note counts the splines for which it is false; often these minimise
+    costs with kinks, such as rotations. Cost: 0.2 to 5 s per spline.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"spline"})

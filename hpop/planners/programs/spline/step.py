@@ -207,6 +207,8 @@ class StepPrograms:
     def _apart(self, apart: Separations, margin: float, fractions: FloatArray) -> Constraints:
         """Return a linear constraint for each pair of near bodies, which keeps their distance at the margin or more.
 
+        A pair that is nearer than the margin may come no nearer than it is.
+
         apart, margin, fractions  arguments of :meth:`of`
         """
         count = self.shares.size
