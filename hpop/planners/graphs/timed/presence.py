@@ -69,7 +69,7 @@ class Presence:
 
     @cached_property
     def _beyond(self) -> list[NDArray[np.float32]]:
-        """By how much, m, each place is outside the range of each moving person at each tick; negative inside.
+        """Distances, m, of places from the range of each moving person at each tick; negative inside the range.
 
         The list has an array (P, H) for each person.
         """
