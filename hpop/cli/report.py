@@ -171,8 +171,9 @@ class StageLines:
 
     The line has the time, the number of trajectories and the hypervolume. Costs are scaled so that the first front with
     points has ideal 0 and nadir 1; the reference point is 1.1. So the hypervolume of an improved front is never
-    smaller. The first front depends on the time that the search took, so the line says whose scale it is. If it exceeds
-    that of a box with this side, as may happen after a first front of a few close points, words are printed instead.
+    smaller. The first front differs from run to run, so the line says that the scale is that of this run's first front.
+    A hypervolume above that of a box with side 1.1, as after a first front of a few close points, is printed as
+    "beyond" the scale.
     """
 
     def __init__(self) -> None:

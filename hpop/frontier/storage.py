@@ -54,7 +54,7 @@ ORIGIN = "provenance."
 
 
 class StoredFront(TypedDict):
-    """Contents of a front's file, named as the fields of a front. Items are encoded, one by one or all together."""
+    """Contents of a front's file, named as the fields of a front; items are encoded in a list, or all in a dict."""
 
     costs: FloatArray
     items: list[Any] | dict[str, Any]

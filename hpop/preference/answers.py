@@ -165,7 +165,7 @@ class CostScale:
 
     @staticmethod
     def _log_scaled(share: FloatArray) -> FloatArray:
-        """Return shares of a logarithmic cost: 0 at the ideal, 1 at the nadir, linear below the ideal."""
+        """Bend shares of a cost's range logarithmically: 0 at the ideal, 1 at the nadir, linear below the ideal."""
         below = np.minimum(share, 0.0)
         return np.asarray((BENT * below + np.log1p(BENT * np.maximum(share, 0.0))) / np.log1p(BENT))
 

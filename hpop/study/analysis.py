@@ -273,7 +273,8 @@ def simulate(
     Parameters
     ----------
     discomfort : by letter, and "before" for the answers before the first stimulus (default 0), in standard deviations
-        of how people feel; an item's answer is this value, with noise, on its scale: about 0 without discomfort
+        of how people feel; the larger it is, the further an item's answer is, apart from noise, from the better end of
+        its scale
     liking : by letter, for comparisons other than "comfort"; by default the opposite of discomfort
     correlation : between a person's feelings at two moments of the session
     tiring : discomfort added with each stimulus

@@ -222,7 +222,7 @@ def _pieces_fault(criterion: Criterion, m: Motions) -> str:
 
 
 def _jump_fault(criterion: Criterion, seed: int, wide: World, model: Model) -> str:
-    """Return a fault if a rate jumps, so that motions across the jump cost another amount in pieces."""
+    """Return a fault if a rate jumps, so that motions across the jump cost another amount in pieces; "" otherwise."""
     for jump, motions in jumps_across(criterion, np.random.default_rng((seed, 3)), wide, model):
         if fault := _pieces_fault(criterion, motions):
             return f"{jump}; the cost of a {motions.kind} across it, {fault}; {GRADUALLY}"
@@ -280,7 +280,7 @@ def _linear_motions(rng: np.random.Generator, world: World, model: Model, kind: 
 
 
 def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Return a fault if the cost of a trajectory is not the sum (mean, maximum) over its motions."""
+    """Return a fault if the cost of a trajectory is not the sum (mean, maximum) over its motions; "" otherwise."""
     for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):
@@ -294,7 +294,7 @@ def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 def _bound_fault(criterion: Any, world: World, model: Model) -> str:
-    """Return a fault if the criterion's lower bound is negative, or exceeds the cost of a trajectory.
+    """Return a fault if the criterion's lower bound is negative, or exceeds the cost of a trajectory; "" otherwise.
 
     The trajectories are a straight one, for which bound and cost may be equal, a slalom, and detours.
     """

@@ -263,7 +263,7 @@ def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: l
 
 
 def _judge_fault(model: Model, world: World, rng: np.random.Generator) -> str:
-    """Return a fault if the model's ``collision`` and ``judge``, its exact test, contradict each other.
+    """Return a fault if the model's ``collision`` and ``judge``, its exact test, contradict each other; "" otherwise.
 
     States and motions that ``collision`` frees must be free by ``judge``, and it must free at least half of those that
     ``judge`` frees. In each of the two, ``why_blocked`` must give a reason for blocked states only.
@@ -332,7 +332,7 @@ def _tour(model: Model, world: World, rng: np.random.Generator) -> Trajectory:
 
 
 def _in_time(model: Model, a: States, b: States) -> States:
-    """Return states a and b (1,), and before and after them the same joints at the first and the last time."""
+    """Return four states (4,): a at the first time, a, b, and b at the last time; a and b are single states (1,)."""
     space, time = model.space, model.space.names[-1]
     times = [space.low[-1], getattr(a, time), getattr(b, time), space.high[-1]]
     columns = {name: [getattr(a, name)] * 2 + [getattr(b, name)] * 2 for name in space.names}

@@ -318,7 +318,7 @@ def _wall_fault(planner: Planner, problem: Problem) -> str:
 
 
 def _people_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault if a result touches a person who crosses the room, or a refusal does not say why."""
+    """Return a fault if a result touches a person who crosses the room, or a refusal does not say why; "" otherwise."""
     among = replace(problem, world=problem.world.with_content(people=[WALKER]))
     try:
         found = planner.solve(among)
@@ -357,7 +357,7 @@ def _criteria_fault(planner: Planner, problem: Problem) -> str:
 
 
 def _interrupt_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault of the results after Ctrl-C, at an early and at a later progress report."""
+    """Return a fault of the results after Ctrl-C, at an early and at a later progress report; "" otherwise."""
     for number in REPORTS:
         reports = count(1)
 
@@ -379,5 +379,5 @@ def _time_limit_fault(planner: Planner, problem: Problem) -> str:
 
 
 def _early_end_fault(problem: Problem, found: Candidates) -> str:
-    """Return a fault of a result that ended early."""
+    """Return a fault of a result that ended early; "" otherwise."""
     return _result_fault(problem, found) or _costs_fault(problem, found) or _collision_fault(problem, found)

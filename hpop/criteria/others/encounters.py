@@ -366,8 +366,9 @@ def _nearer(m: Motions, distance: float, softness: float, robot_radius: float | 
 def _mean_nearness(near: float, softness: float) -> Blurred:
     """Return a function for the probability that a person whose position is uncertain is near.
 
-    It takes the predicted distance between the axes of robot and person, m, and the deviation, m. A person counts as
-    near at a distance of up to ``near`` m, with a smooth border of width ``softness``, m.
+    It takes the distance, m, from the robot's axis to the predicted position of the person, and the standard deviation
+    of the position, m. A person counts as near at a distance of up to ``near`` m, with a smooth border of width
+    ``softness``, m.
     """
     return Blurred(
         lambda gap: np.asarray(within(near + 0.5 * softness - gap, softness)), near + softness, detail=softness

@@ -164,7 +164,7 @@ def _pieces(line: FloatArray) -> Iterator[tuple[int, IntArray, FloatArray]]:
 
 
 def _selected(through: IntArray, owner: IntArray, kept: BoolArray) -> tuple[IntArray, IntArray]:
-    """Keep the path points (T,) where the mask ``kept`` is True; return their indices and their paths."""
+    """Return ``through`` and ``owner`` (T,), point and path by number, only where the mask ``kept`` (T,) is True."""
     return through[kept], owner[kept]
 
 

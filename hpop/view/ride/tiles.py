@@ -42,6 +42,9 @@ class Tile(NamedTuple):
 class Things(NamedTuple):
     """Arrays of all things to draw, for the compiled functions.
 
+    A ``number`` identifies a thing, as in ``Panorama.numbers``. ``kind`` (wall, zone, ...) and ``shape`` (cylinder or
+    ellipsoid) are constants of :mod:`hpop.view.ride.rows`. Lengths are in m.
+
     edges    (E, 4)  m  x0, y0, x1, y1, counter-clockwise round solids
     item_of  (E,)  index of the item to which each edge belongs
     items    (I, 7)  kind, low, high, red, green, blue, number
