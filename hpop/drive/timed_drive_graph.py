@@ -195,8 +195,8 @@ class TimedDriveGraph:
         """Return whether this graph can answer a query at the commit, where the plan may change next.
 
         It needs the same people and closed areas, a node that it covers at that time and, in a tour, a layer for the
-        stops done there. If people are near the robot there, they must be among those who were near it when the graph
-        was built.
+        stops done there. People near the robot there must be among those who were near it when the graph was built;
+        if no person is near there, none may have been near then.
         """
         node = self.node(commit.state)
         if self.base is not untimed or self.people != now.people or self.since != now.since or node < 0:
@@ -217,7 +217,7 @@ class TimedDriveGraph:
         return is_there and {*about} <= {*self.timed.safety.about_start}
 
     def is_other_part_of(self, made: TimedDriveGraph) -> bool:
-        """Return whether ``made`` has equal people and closed areas, but only one of the two has `near` nodes."""
+        """Return whether another graph has equal people and closed areas, but only one of the two has `near` nodes."""
         return self.base is made.base and self.people == made.people and bool(self.near) != bool(made.near)
 
     def node(self, state: States) -> int:

@@ -281,8 +281,8 @@ class _Line:
     def errors(self, owner: IntArray, pose: Pose) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Return how far poses (M,) are from their lines, as three arrays (M,).
 
-        They are the distance from the line, m, the angle to the orientation at its end, rad, and the distance behind
-        its end along the line, m. ``owner`` (M,) says which line belongs to each pose.
+        They are the distance from the line, m, the angle to the orientation at its end, rad, and how far the pose is
+        before its end along the line, m (negative beyond it). ``owner`` (M,) says which line belongs to each pose.
         """
         place, ahead, left = ((*self.frame[owner, 3 * i : 3 * i + 3].T,) for i in range(3))
         along = (*self.along[owner].T,)
