@@ -244,7 +244,7 @@ def checked_node(graph: Graph, node: Any, name: str) -> int:
 def checked_targets(graph: Graph, target: Any) -> IntArray:
     """Return the sorted numbers (t,) of the targets, which a caller gives as one node or as several.
 
-    Raises QueryError for an unknown node.
+    Raises QueryError for an unknown node, and if no node is given.
     """
     target = python_value(target)
     if graph.number(target) is not None or isinstance(target, int | str):

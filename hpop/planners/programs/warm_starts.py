@@ -62,9 +62,9 @@ class WarmStarts(NamedTuple):
     candidates: Candidates | None = None
 
     def with_unimproved(self, after: Candidates, improved: Iterable[int]) -> Candidates:
-        """Return the candidates of a planner; if a limit or Ctrl-C stopped it, add the warm starts not yet improved.
+        """Return the candidates of a planner, with the warm starts not yet improved if it was stopped.
 
-        Warm starts that the user passed are not added.
+        They are added after Ctrl-C, a time limit or a memory limit. Warm starts that the user passed are not added.
 
         Parameters
         ----------

@@ -297,11 +297,17 @@ class Prepared:
         )
 
     def close(self, arcs: ArrayLike) -> None:
-        """Close arcs, given by their indices (N,) in the graph: no path uses them until they are opened."""
+        """Close arcs, given by their indices (N,) in the graph: no path uses them until they are opened.
+
+        Arcs that are closed already stay closed. Raises GraphError for an index that the graph does not have.
+        """
         self._repair(raise_bounds, self.closed_arcs.set_closed(arcs, closed=True))
 
     def open(self, arcs: ArrayLike) -> None:
-        """Open closed arcs again, given by their indices (N,) in the graph."""
+        """Open closed arcs again, given by their indices (N,) in the graph; arcs that are open stay open.
+
+        Raises GraphError for an index that the graph does not have.
+        """
         self._repair(lower_bounds_of_opened, self.closed_arcs.set_closed(arcs, closed=False))
 
     def _repair(self, kernel: Any, changed: IntArray) -> None:

@@ -40,6 +40,8 @@ def least_length(problem: Problem) -> float:
     The shortest path of a disc among polygons turns only at corners of the free space of its axis (Lozano-Perez and
     Wesley 1979, doi 10.1145/359156.359164). Here the arcs of that space are replaced by their chords, and parts of the
     robot other than discs on the axis are left out. Both only enlarge the space, so the result is a lower bound.
+
+    Raises QueryError for several goals.
     """
     start, goal = np.array(start_of(problem)[:2]), np.array(one_goal(problem, "a bound of the length")[:2])
     bounds = [math.dist(start, goal)]
