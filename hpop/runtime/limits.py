@@ -67,7 +67,10 @@ def hold(doing: str, stays: int, beside: int = 0) -> None:
 
 
 def check(doing: str) -> None:
-    """Check the limits between two parts of a long computation, called ``doing`` in the note on an exceeded limit."""
+    """Check the limits between two parts of a long computation; ``doing`` says which: "zones were sampled".
+
+    If a limit is exceeded, LimitPassed is raised, with a note that contains ``doing``.
+    """
     if (limits := _LIMITS.get()) is not None:
         limits.check(doing)
 

@@ -27,7 +27,11 @@ SHARED = "HPOP_MATPLOTLIB_FOLDER"  # environment variable with the folder made h
 
 
 def provide() -> None:
-    """Make a folder for Matplotlib, before its import, if the user's own is not writable; remove it at the end."""
+    """Make a temporary folder for Matplotlib if the user's own is not writable, and set MPLCONFIGDIR to it.
+
+    No folder is made if MPLCONFIGDIR is already set, or Matplotlib is already imported. The folder is removed when the
+    process ends.
+    """
     folder = os.environ.get("MPLCONFIGDIR", "")
     if not folder and "matplotlib" not in sys.modules and not _user_has_folder():
         with suppress(OSError):  # no writable folder anywhere: Matplotlib reports what it needs

@@ -342,7 +342,10 @@ def _with_notes(world: World, notes: tuple[str, ...]) -> World:
 
 
 def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> World:
-    """Build the world of a section without people, landmarks and zones; paths are relative to the folder."""
+    """Build the world of a section, without people, landmarks and zones of the scenario.
+
+    Paths are relative to the folder.
+    """
     name, given = next((name, value) for name, value in section if value is not None)
     if isinstance(given, MapFile):
         options = {key: value for key, value in _given(given).items() if key not in given.beside}

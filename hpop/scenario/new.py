@@ -71,7 +71,7 @@ class GivenMap(NamedTuple):
         return cls(path, reader, given)
 
     def read(self) -> World:
-        """Read the world; a MapError also says how an option of the reader that it names is set on the command line."""
+        """Read the world. If a MapError names an option of the reader, its message also says how to set it by --set."""
         try:
             return World.from_file(self.path, reader=self.reader, **self.options)
         except MapError as error:
@@ -100,7 +100,7 @@ class GivenMap(NamedTuple):
 class Draft(NamedTuple):
     """Problem of a first scenario, with the lattice that plans it.
 
-    problem planned problem
+    problem the problem that is planned
     step    m, step of the lattice
     status  status and reason if no path was found, else None
     middle  m, position halfway along a shortest path; the start if no path was found

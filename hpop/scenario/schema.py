@@ -383,7 +383,10 @@ class ScenarioFile(_Strict):
 
 
 def parameters_of(cls: Any) -> type[BaseModel]:
-    """Return a schema for the fields of a dataclass; a field that is a robot model is given by name, as a choice."""
+    """Return a schema for the fields of a dataclass.
+
+    A field that is a robot model is given as its name, or as {name: parameters}.
+    """
     hints = hints_of(cls) | dict.fromkeys(model_parameters(cls), str | dict[str, Any])
     schema: dict[str, Any] = {}
     for field in dataclasses.fields(cls):

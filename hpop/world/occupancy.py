@@ -41,7 +41,10 @@ class FromCells:
         keep_out: BaseGeometry | None = None,
         outside_is_obstacle: bool = True,
     ) -> Self:
-        """Build a world from occupancy cells (H, W), row 0 at the bottom; `Raster` explains the other parameters.
+        """Build a world from occupancy cells (H, W), row 0 at the bottom; see `Raster` for resolution and origin.
+
+        ``height`` is (z_min, z_max), m, of all occupied cells. The region ``keep_out``, m, is closed to the robot, but
+        does not obstruct the camera; with ``outside_is_obstacle`` the area beyond the cells does.
 
         >>> import hpop
         >>> import numpy as np
@@ -120,6 +123,8 @@ class FromCells:
             Whether unknown cells, and everything beyond the grid, are free rather than obstacles.
         height : (z_min, z_max) in m
             Heights of all obstacle cells.
+        keep_out : shapely geometry in m, optional
+            Region that is closed to the robot, but does not obstruct the camera.
 
         Raises MapError for data of another shape, type or range.
 

@@ -41,7 +41,7 @@ class Landmark:
     x, y, z  m
     facing   rad  direction in which its front points, or None if it looks the same from all sides
     weight   importance relative to other landmarks, above 0
-    name
+    name     in messages and pictures
     """
 
     x: float
@@ -68,7 +68,7 @@ class Zone:
     area       shapely polygon, m
     limit      m/s, of a speed zone
     path       shapely line, m, of a one-way zone; it runs in the permitted direction
-    name
+    name       in messages and pictures
     """
 
     kind: ZoneKind

@@ -49,7 +49,7 @@ class Person:
     yaw         rad   heading of the body; default: along the velocity, 0 for a standing person
     velocity    (x, y) m/s
     radius      m     of the body
-    name
+    name        in messages and pictures
     track       waypoints or a recorded track, instead of a velocity; at time 0 it must be at (x, y)
     futures     several possible futures, instead of a velocity or a track
     spread      m     standard deviation of the position now, along each axis

@@ -108,7 +108,10 @@ class RasterBalls:
 def _transform_of_cell(
     resolution: float, z_min: float, z_max: float, radius: float, camera_z: float
 ) -> tuple[int, int, NDArray[np.complex128]]:
-    """Return the reach of a ball, cells; the side of a tile, cells; the Fourier transform of one cell's obstruction."""
+    """Return the reach of a ball and the side of the transform, cells; the Fourier transform of a cell's obstruction.
+
+    A tile is smaller than the transform by twice the reach, see `RasterBalls.side`.
+    """
     reach = math.ceil(radius / resolution + 0.5)
     offsets = np.arange(-reach, reach + 1) * resolution
     half = resolution / 2
@@ -250,7 +253,7 @@ def _tiles(x: FloatArray, y: FloatArray, radius: float) -> tuple[IntArray, IntAr
 
 
 def _edges(geometries: Sequence[BaseGeometry]) -> tuple[FloatArray, IntArray]:
-    """Return the edges (E, 4), m, of all rings, and the index of the first edge of each geometry (S + 1,)."""
+    """Return the edges (E, 4) of all rings, x0, y0, x1, y1 in m, and where those of each geometry begin (S + 1,)."""
     parts, owner = shapely.get_parts(np.asarray(geometries, dtype=object), return_index=True)
     area = shapely.area(parts) > 0
     rings, part = shapely.get_rings(shapely.orient_polygons(parts[area]), return_index=True)

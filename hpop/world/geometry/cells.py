@@ -179,7 +179,7 @@ class ChangingEdges:
         return distance if self.added is None else np.minimum(distance, self.added.distance(x, y))
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
+        """Mark in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
 
         See :func:`._hulls.compare_hulls` for the values in ``relation``.
         """
@@ -317,7 +317,7 @@ class CellSpace(FreeSpace):
         return free if self.rest is None else free & self.rest.shapes_free(shapes, margin)
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
+        """Mark in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
 
         See :func:`._hulls.compare_hulls` for the values in ``relation``.
         """

@@ -79,7 +79,7 @@ class EdgeTree:
         return out
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
+        """Mark in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the edges.
 
         See :func:`._hulls.compare_hulls` for the values in ``relation``.
         """
@@ -233,7 +233,7 @@ class FreeSpace:
         return free
 
     def compare(self, corners: FloatArray, margin: float, relation: NDArray[np.uint8]) -> None:
-        """Update in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
+        """Mark in ``relation`` (N,) which convex hulls of corners (N, c, 2), m, are within ``margin`` of the border.
 
         See :func:`._hulls.compare_hulls` for the values in ``relation``.
         """

@@ -141,7 +141,10 @@ class Surfaces:
         return out
 
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
-        """Return the fraction (N,) of the ball of ``radius`` m around each centre (N, 3), m, that bodies fill."""
+        """Return the fraction (N,) of the ball of ``radius`` m around each centre (N, 3), m, that bodies fill.
+
+        It is measured along ``rays`` rays from each centre, spread evenly over the sphere.
+        """
         out = np.zeros(len(centres))
         if len(self):
             directions = over_sphere(rays)
@@ -186,7 +189,8 @@ def towards_ball(
 ) -> tuple[FloatArray, FloatArray]:
     """Return rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
 
-    The rays of a point end evenly spread over a disc of this radius round the centre, which faces the point.
+    The rays are aimed at points spread evenly over a disc, which has the ball's centre and radius and faces the
+    origin of the rays. They end at the surface of the ball.
     The points are (N, 3), m. Directions and lengths are 0 for points inside the ball.
     """
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))

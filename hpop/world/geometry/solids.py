@@ -183,9 +183,9 @@ Shape = Box | Cylinder | Sphere | Hull
 class Solid:
     """Solid body in space: a shape with a pose.
 
-    shape
+    shape  Box, Cylinder, Sphere or Hull
     pose   (4, 4)  homogeneous, m: from the frame of the shape to the frame of the world, or of a robot link
-    name
+    name   in messages and pictures
 
     >>> can = Solid(Cylinder(radius=0.03, length=0.14), pose_at((1.0, 2.0, 0.07)), "can")
     >>> can.heights, can.is_upright, can.outline.area > np.pi * 0.03**2
@@ -231,7 +231,7 @@ class Solid:
     def outline(self) -> Polygon:
         """Return the outline as seen from above, m: exact for boxes and hulls, else a polygon that encloses it.
 
-        This polygon reaches at most `SAGITTA` beyond it.
+        This polygon reaches at most `SAGITTA` beyond it, times the radius in m if that is above 1 m.
         """
         if isinstance(self.shape, Sphere):
             return shapely.Polygon(self.pose[:2, 3] + _rim(self.shape.radius))
@@ -336,7 +336,9 @@ def pose_at(
 
 
 def rpy_of(pose: FloatArray) -> FloatArray:
-    """Return roll, pitch and yaw (3,), rad, about the fixed axes x, y, z of a pose (4, 4); roll is 0 if z is along x.
+    """Return roll, pitch and yaw (3,), rad, about the fixed axes x, y, z, of a pose (4, 4).
+
+    If the x axis of the pose is vertical, roll is 0.
 
     >>> rpy_of(pose_at(rpy=(0.1, -0.2, 3.0))).round(12).tolist()
     [0.1, -0.2, 3.0]
@@ -382,7 +384,10 @@ def _length(what: str, value: Any) -> float:
 
 
 def _rim(radius: float) -> FloatArray:
-    """Return the corners (N, 2), m, of a polygon round a circle; they are at most `SAGITTA` off the circle."""
+    """Return the corners (N, 2), m, of a polygon whose sides touch a circle round the origin from outside.
+
+    They are at most `SAGITTA` off the circle, times the radius in m if that is above 1 m.
+    """
     excess = SAGITTA / min(radius, 1.0)
     count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))
     angles = 2.0 * math.pi * np.arange(count) / count

@@ -69,8 +69,8 @@ class DecodedImage:
     def blocks(self) -> Iterator[tuple[slice, FloatArray, FloatArray | None]]:
         """Yield about a million pixels at a time: rows (from the top), brightness (h, W, channels) and opacity (h, W).
 
-        Both are from 0 to 1.
-        Grey images have one channel, coloured images three. The opacity is None for an image without transparency.
+        Brightness and opacity are from 0 to 1. Grey images have one channel, coloured images three. The opacity is None
+        for an image without transparency.
         """
         step = max(1, BLOCK // self.width)
         for top in range(0, self.height, step):

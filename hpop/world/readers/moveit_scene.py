@@ -258,7 +258,10 @@ def _frame(thing: SceneEntry) -> str:
 
 
 def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
-    """Return the operation of an object (add, remove, ...), given as a number, a character or a word."""
+    """Return the operation of an object (add, remove, ...), given as a number, a character or a word.
+
+    Raises MapError for an unknown one, and without ``is_diff`` for any but add.
+    """
     operation = thing.get("operation")
     given = operation.given
     known = isinstance(given, int | str | None) and not isinstance(given, bool) and given in OPERATIONS

@@ -389,7 +389,7 @@ def _outlines(ground: Ground) -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def _edges(geometry: BaseGeometry) -> FloatArray:
-    """Return the edges (E, 4) of polygons, m, each with the inside on its left."""
+    """Return the edges (E, 4) of polygons: x0, y0, x1, y1 in m, with the inside on the left."""
     parts = [part for part in shapely.get_parts(geometry) if part.area > 0]
     rings = shapely.get_rings(shapely.orient_polygons(np.array(parts, dtype=object)))
     points, ring = shapely.get_coordinates(rings, return_index=True)

@@ -96,6 +96,8 @@ def is_obsmat(text: str) -> bool:
 def obsmat_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of the ETH data set (Pellegrini et al., ICCV 2009), obsmat.txt; MapError for another file.
 
+    ``wanted`` lists the ids of the people to read; None means all.
+
     Each row has eight numbers separated by blanks: frame, id, x, z, y and the velocity in the order x, z, y; metres,
     where y is the second axis of the ground. People were annotated 2.5 times a second, so the step between annotated
     frames gives the video's frame rate unless it is given.
@@ -124,6 +126,8 @@ def is_petrack(text: str, source: TrackFile) -> bool:
 def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of PeTrack (Boltes and Seyfried, Neurocomputing 100, 2013); MapError for another file.
 
+    ``wanted`` lists the ids of the people to read; None means all.
+
     The text file has comments with the frame rate, such as ``# framerate: 25 fps``, then a row per person and frame,
     ``id frame x y z``, separated by blanks. The unit is in the comment that names the columns (``x/cm``), or in one of
     its own (``# unit: cm``); the default is m. The pedestrian data archive has such files.
@@ -143,6 +147,8 @@ def is_jupedsim(data: bytes) -> bool:
 
 def jupedsim_tracks(data: bytes, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of JuPedSim from version 1.0 on, an SQLite database; MapError for another file.
+
+    ``wanted`` lists the ids of the people to read; None means all.
 
     Table ``trajectory_data`` has a row per agent and frame (frame, id, pos_x m, pos_y m); table ``metadata`` has the
     frame rate under the key ``fps`` (https://www.jupedsim.org). Triggers and views of the database are never run.

@@ -151,9 +151,10 @@ def tracks_of(
     wanted  ids of the tracks to return; None for all
 
     Rows are sorted by time, and repeated rows count once. Single points that are too far away to be reached, and people
-    with one point, are left out. A person who jumps, or is missing for more than ``LEAVES`` s, continues as another
-    person, such as "7 (2)". Between rows a person walks straight. Notes of the result report all this. Raises MapError,
-    with the file and the id, for an invalid track or a missing id.
+    with one point, are left out; but a ``wanted`` person with one point is an error. A person who jumps, or is missing
+    for more than ``LEAVES`` s, continues as another person, such as "7 (2)". Between rows a person walks straight.
+    Notes of the result report all this. Raises MapError, with the file and the id, for an invalid track or a missing
+    id.
     """
     if not len(ids):
         raise source.error("has no rows: expected a row per person and time.")
