@@ -67,7 +67,7 @@ COMPILING = "the search is compiled in the background {}, once for each number a
 
 
 def _folder(context: click.Context, option: click.Parameter, given: str | None) -> Path | None:
-    """Convert the value of a folder option to a path; refuse an empty text, which an unset shell variable gives."""
+    """Convert the value of a folder option to a path, None to None; refuse "", which an unset shell variable gives."""
     if given == "":
         raise click.BadParameter("expected a folder, got ''; the current folder is '.'", context, option)
     return None if given is None else Path(given)

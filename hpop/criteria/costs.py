@@ -248,7 +248,10 @@ def with_quanta(criteria: Sequence[C], quanta: Mapping[str, Any] | None) -> tupl
 
 
 def stand_in_of(mean: Criterion) -> Criterion | None:
-    """Return the sum that searches minimise in place of a time-mean, with the quantum that the user has set for it."""
+    """Return the sum that searches minimise in place of a time-mean, with its quantum as the user set it.
+
+    None if the mean declares no such sum; planners then take its time integral.
+    """
     if mean.integral is None or mean.stand_in_quantum is None:
         return mean.integral
     return _set(mean.integral, "quantum", mean.stand_in_quantum)

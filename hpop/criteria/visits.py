@@ -83,7 +83,7 @@ def in_stop(stop: TourStop, world: World, model: Model, states: States) -> BoolA
 
 
 def _reached_and_seen(target: Goal, world: World, model: Model, states: States) -> BoolArray:
-    """Return a mask (N,) of the states that reach a goal and see the position it looks at, if it has one."""
+    """Return a mask (N,) of the states that reach a goal and see its ``looked_at`` position, if the goal has one."""
     found = np.zeros(states.size, dtype=bool)
     for goal in target.alternatives():
         there = np.flatnonzero(goal.reached(model, states) & ~found)
@@ -190,9 +190,10 @@ def visits_of(tour: Tour, trajectory: Trajectory, inside: BoolArray, weights: We
 
 
 def _undominated(tour: Tour, best: Mapping[int, _Progress]) -> dict[int, _Progress]:
-    """Return ``best`` without each layer for which another one has more decided stops and no more ``missed``.
+    """Return ``best`` without the layers that cannot lead to a better result than another layer.
 
-    All visits that are possible in a layer are possible, or not needed any more, in a layer with more decided stops.
+    A layer is a set of stops that were visited or skipped. It is dropped if another layer has all these stops and no
+    larger ``missed``: every later visit is then possible from the other layer, or not needed any more.
     """
     kept: dict[int, _Progress] = {}
     for layer in sorted(best, reverse=True):  # larger sets first

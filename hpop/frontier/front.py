@@ -329,7 +329,7 @@ class ItemFront(Choices[T], Generic[T]):
 
     @property
     def question(self) -> dict[str, Any] | None:
-        """Part of the problem's description that must be equal in two fronts for a union of both."""
+        """Part of the problem's description that two fronts must share for a union; None for a front without one."""
         return self.problem
 
     def __or__(self, other: Self) -> Self:

@@ -121,7 +121,10 @@ def locked_for_changes(folder: Path) -> Iterator[None]:
 
 
 def serve_alone(folder: Path) -> int | None:
-    """Lock the folder of answers for one server, until :func:`release`; StudyError if another server has the lock."""
+    """Lock the folder of answers for one server, and return the lock for :func:`release`, as :func:`hold` does.
+
+    Raises StudyError if another server has the lock.
+    """
     try:
         return hold(folder, wait=False)
     except BlockingIOError:

@@ -373,7 +373,7 @@ def _made_again(folder: Path, design: Design) -> tuple[list[str], list[str]]:
 
 
 def _reported_again(report: Path, answers: Answers | None) -> str:
-    """Rewrite a report from the answers, or only remove it without answers; return a note if it was not rewritten."""
+    """Rewrite a report from the answers, or only remove it without answers; return a note, "" if rewritten."""
     try:
         made = read_report(report)
         remove_report(report)

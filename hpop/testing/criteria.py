@@ -337,7 +337,7 @@ def _trajectory_value(criterion: Criterion, trajectory: Trajectory, world: World
 
 
 def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Return a fault if costs change when the world and the trajectory are rotated and shifted together."""
+    """Return a fault if costs change when world and trajectory are rotated and shifted together; "" otherwise."""
     elsewhere = reframed(world)
     for trajectory in tours:
         s = trajectory.states

@@ -223,7 +223,7 @@ def drawn_motions(
 
 
 def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:
-    """Return a fault in the ends or phases of laws; add motions to ``batches``, for the other checks."""
+    """Return a fault in the ends or phases of laws, else ""; add motions to ``batches``, for the other checks."""
     if HOLD.kind in model.laws:
         return f"no law may be called {HOLD.kind!r}, because hpop adds this law to every model; choose another name"
     for kind, law in laws_of(model).items():
@@ -340,7 +340,7 @@ def _in_time(model: Model, a: States, b: States) -> States:
 
 
 def _stations_fault(model: PlanarModel) -> str:
-    """Return a fault of the stations (states at one position) for four headings, or of the motions between them."""
+    """Return a fault of the stations (states at one position) for four headings, or of their motions; "" otherwise."""
     yaw: FloatArray = np.linspace(0.0, 1.5 * np.pi, 4)
     space = model.space
     try:

@@ -223,7 +223,7 @@ def _refusal_fault(planner: Planner, model: Model) -> str:
 def _planning_fault(planner: Planner, model: Model, seed: int, found: list[tuple[Problem, Candidates]]) -> str:
     """Plan with the first criteria that the planner accepts; add problem and result to ``found``.
 
-    Returns a fault if it accepts no criteria, or finds no trajectory.
+    Returns a fault if the planner accepts no criteria, or finds no trajectory; "" otherwise.
     """
     asked = ASKED if "plane" in model.provides else IN_SPACE
     for criteria in asked:
@@ -298,7 +298,7 @@ def _difference(expected: Candidates, found: Candidates) -> str:
 
 
 def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
-    """Return a fault if a pickled copy has another result; a planner that accepts an executor is run on one."""
+    """Return a fault if a pickled copy has another result, else ""; planners that accept an executor run on one."""
     copy = pickle.loads(pickle.dumps(planner))
     if not sweeps(planner):
         return _difference(first, copy.solve(problem))
@@ -308,7 +308,10 @@ def _repeat_fault(planner: Planner, problem: Problem, first: Candidates) -> str:
 
 
 def _wall_fault(planner: Planner, problem: Problem) -> str:
-    """Return a fault if the planner finds a path through a wall, or says "complete" without a note that none exists."""
+    """Return a fault if the planner finds a path through a wall; "" otherwise.
+
+    An empty result that is complete must have a note that no path exists.
+    """
     world = World.from_polygons([WALL], extent=problem.world.extent)
     found = planner.solve(replace(problem, world=world))
     if len(found.trajectories):

@@ -327,7 +327,7 @@ def _costs(criterion: Criterion, world: World, batches: list[Motions]) -> FloatA
 
 
 def _hypotheses_fault(criterion: Criterion, world: World, batches: list[Motions]) -> str:
-    """Return a fault if the cost for a person with two futures does not fit the costs for each future alone."""
+    """Return a fault if the cost for a person with two futures does not fit those for each alone; "" otherwise."""
     everyone = open_world(world).content.people
     if refuses(criterion, with_people(world, list(everyone)), batches):
         return ""

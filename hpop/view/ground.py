@@ -82,8 +82,8 @@ class Ball:
 def view_of(problem: Problem, paths: Sequence[FloatArray] = ()) -> View:
     """Return the rectangle that a map shows: free space, start and goal, with a margin.
 
-    Unknown surroundings of a map file are cut off. With paths (N, 2), m, the rectangle is that of start, goal and paths
-    with a margin, if its longer side is then less than 0.4 of what it would be otherwise; for a fixed robot, if it is
+    Unknown surroundings of a map file are cut off. With paths (N, 2), m, only start, goal and paths are shown, with a
+    margin, if the longer side is then less than 0.4 of the longer side of the whole map; for a fixed robot, if it is
     shorter at all.
     """
     start, goals = end_poses(problem)

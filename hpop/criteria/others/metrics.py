@@ -111,7 +111,7 @@ def _middles(trajectory: Trajectory, step: float) -> FloatArray:
 
 
 def _gaps(trajectory: Trajectory, world: World, times: FloatArray, radius: float) -> FloatArray:
-    """Return the gap (N,), m, between the surfaces of the robot and the nearest person, at times (N,), s."""
+    """Return the gap (N,), m, between robot and nearest person (surfaces), at times (N,), s; inf without a person."""
     base = trajectory.model.pose("base", trajectory.at(times))
     nearest = np.full(times.shape, np.inf)
     for person in _one_per_future(world):

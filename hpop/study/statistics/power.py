@@ -140,7 +140,7 @@ def power(
 def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
     """Return a function that draws normal scores, shifted by the effect of each stimulus, and the number of stimuli.
 
-    With ``like``, a pilot's scores, each draw is rounded to one of these scores.
+    With ``like``, a pilot's scores, each draw is mapped to one of these scores (:class:`_Pieces`).
     """
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
@@ -165,7 +165,7 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
 
 
 class _Pieces(NamedTuple):
-    """Scores of a pilot study as steps of a normal variable, so that each score has the frequency that it has there.
+    """Step function from a normal variable to scores, which makes each score as frequent as in a pilot study.
 
     scores  (m,)      rising
     cuts    (m - 1,)  values of the normal variable between two scores
