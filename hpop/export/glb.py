@@ -103,7 +103,7 @@ def _walls(rings: FloatArray, low: float, high: float) -> FloatArray:
 
 
 def _boxes(cells: Cells) -> FloatArray:
-    """Return the triangles of upright boxes over the occupied cells of a raster map."""
+    """Return the triangles (T, 3, 3), m, of upright boxes over the occupied cells of a raster map."""
     rings = cells.corners
     level = [np.dstack([rings, np.full(rings.shape[:2], z)]) for z in (cells.low, cells.high)]
     bottom, top = level[0][:, ::-1], level[1]
@@ -130,7 +130,7 @@ def _round(part: BodyPart, x: float, y: float) -> FloatArray:
 
 
 def _plate(plate: Plate) -> FloatArray:
-    """Return the triangles of a landmark's upright plate, both sides. Without a facing there are two crossed plates."""
+    """Return the triangles (T, 3, 3), m, of a landmark's upright plate; without a facing, of two crossed."""
     mark = plate.landmark
     facings = [mark.facing] if mark.facing is not None else [0.0, 0.5 * np.pi]
     several = []

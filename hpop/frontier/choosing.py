@@ -223,7 +223,7 @@ def scaled(Y: FloatArray) -> FloatArray:
 
 
 def _scaled_differences(Y: FloatArray, wishes: FloatArray) -> FloatArray:
-    """Return costs minus wishes, each column scaled by its range; constant columns are left out."""
+    """Return costs (n, m) minus wishes (m,), divided by each column's range in ``Y``, without constant columns."""
     low, high = Y.min(axis=0), Y.max(axis=0)
     varies = normalised(Y, low, high).any(axis=0)
     gaps: FloatArray = (Y[:, varies] - wishes[varies]) / (high - low)[varies]

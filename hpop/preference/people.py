@@ -169,8 +169,8 @@ class People:
     def _design(self, table: FloatArray) -> FloatArray:
         """Return the design matrix (people, d) for :meth:`_log_concentrations`, from a table of profiles.
 
-        The result has a row for each profile: 1, followed by the scaled profile if profiles are used. A scaled number is
-        0 at the mean of these people, in standard deviations, and 0 if it is missing.
+        The result has a row for each profile: 1, followed by the scaled profile if profiles are used. Scaled
+        numbers are standard deviations from the mean of these people, and 0 for a missing number.
         """
         one = np.ones((len(table), 1))
         if not self.uses_profile:

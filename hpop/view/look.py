@@ -181,7 +181,10 @@ def _area(area: float) -> str:
 
 
 def _draw_free(axes: Axes, problem: Problem, free: FreeMap | None) -> list[Patch]:
-    """Colour the robot's free space: the part that the start can reach, and the rest; return the legend entries."""
+    """Colour the robot's free space: the start's part (the largest, if the start is blocked), and other parts.
+
+    Return the legend entries.
+    """
     if free is None:
         return []
     start = problem.model.space.state(problem.start)

@@ -151,7 +151,7 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
-    """Return the x and the y coordinates of a grid of samples over an area, m.
+    """Return the coordinates x (W,) and y (H,) of a grid of samples over an area, m.
 
     Samples are a cell of the world's distance grid apart, or farther if they would be more than four million.
     """

@@ -136,7 +136,7 @@ class Panorama:
 
     @cached_property
     def _pictures(self) -> tuple[NDArray[np.uint8], IntArray]:
-        """Pixels of the pictures on plates of landmarks, and where each picture begins."""
+        """Pixels of the pictures on plates of landmarks, and (first index, width, height) of each picture and size."""
         return tiles.plates(self.scene.plates)
 
     def _things(self, x: float, y: float, t: float) -> Things:

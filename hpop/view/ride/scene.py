@@ -367,7 +367,7 @@ def _polygons(geometry: BaseGeometry) -> tuple[tuple[FloatArray, ...], ...]:
 
 
 def _rings(polygon: Any) -> tuple[FloatArray, ...]:
-    """Return the open rings of a polygon: the outer one counter-clockwise, holes clockwise."""
+    """Return the open rings (K, 2), m, of a polygon: the outer one counter-clockwise, holes clockwise."""
     turned = shapely.orient_polygons(polygon)
     return tuple(shapely.get_coordinates(ring)[:-1, :2] for ring in (turned.exterior, *turned.interiors))
 
