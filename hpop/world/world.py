@@ -337,6 +337,7 @@ class World(FromCells, FromFiles):
         It is sampled exactly every `cell` metres (more coarsely beyond 25 million samples). Clearance changes by at
         most one metre per metre, so the interpolated field is within ``sqrt(2/3) * cell`` (0.82 of a cell) of the
         clearance everywhere in the extent, and usually far closer. To check a result use `clearance`, which is exact.
+        The samples end at least 0.5 m beyond the extent; farther away the field is constant.
         """
         if self.closed.is_empty:
             return self.ground.clearance_field(z=z)

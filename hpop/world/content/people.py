@@ -55,7 +55,7 @@ class Person:
     spread      m     standard deviation of the position now, along each axis
     growth      m/s   growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
     until       s     when the prediction ends, None: never; the end of a track ends it too
-    afterwards  "gone": the person is absent after ``until``; "stays": the person stands where the prediction ends
+    afterwards  "gone": the person is absent from ``until`` on; "stays": the person stands where the prediction ends
     age         s     time since the prediction was made
 
     Raises MapError for contradictory or impossible values.
@@ -283,8 +283,8 @@ class Person:
     def there(self, t: Column) -> Column:
         """Return 1 where the person is present at times t (N,), s, else 0; one 1.0 for a person who is always present.
 
-        A person with a track is absent before its first time. A person who is "gone" afterwards is absent after
-        ``until``.
+        A person with a track is absent before its first time. A person who is "gone" afterwards is absent from
+        ``until`` on.
         """
         self._check_one("there")
         there: Column = 1.0

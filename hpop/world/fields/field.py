@@ -93,7 +93,10 @@ class Field:
         self.__post_init__()
 
     def __call__(self, x: Column, y: Column) -> Column:
-        """Return the values at world points; x and y are (M,) arrays (broadcast) in metres, or CasADi columns."""
+        """Return the values at world points; x and y are (M,) arrays (broadcast) in metres, or CasADi columns.
+
+        From one step beyond the border of the samples on, the values are those at the border.
+        """
         if is_symbolic(x) or is_symbolic(y):
             return self.at(self.places(x, y))
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))

@@ -120,8 +120,9 @@ def landmarks_unseen(
 ) -> Column:
     """Return the unseen share (M,) of all landmarks, in [0, 1]: 1 - their weighted mean visibility.
 
-    A landmark is in view if its bearing is within ``fov`` / 2 of the camera's yaw and its elevation within ``vertical``
-    / 2 of its pitch, rad; on symbols these edges are smoothed. Roll is ignored.
+    :func:`landmark_field` explains visibility, ``near`` and ``far``; out of view, visibility is 0. A landmark is in
+    view if its bearing is within ``fov`` / 2 of the camera's yaw and its elevation within ``vertical`` / 2 of its
+    pitch, rad; on symbols these edges are smoothed. Roll is ignored.
     """
     if fov >= ALL_ROUND and vertical >= UP_AND_DOWN:
         return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
@@ -153,8 +154,8 @@ def openness_field(world: World, camera_z: float, radius: float) -> Field:
     """Return the visible fraction, in [0, 1], of the disc of ``radius`` m round a camera at a height, m, as a field.
 
     It is the area of the isovist, ½ ∫ R(θ)² dθ, over pi radius². R, at most ``radius``, is the distance along 360 rays
-    to the first obstacle that reaches the camera's height; 0 within obstacles. A ray at the edge of a gap changes the
-    result by at most 1/360.
+    to the first obstacle at the camera's height; 0 within obstacles. A ray at the edge of a gap changes the result by
+    at most 1/360.
     """
     radius = real("the radius of an isovist", radius, LEAST, MOST, "a length in m")
     ground = world.ground
