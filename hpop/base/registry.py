@@ -145,7 +145,7 @@ def _origin(item: Any) -> str:
 def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
     """Add defaults for the optional members of its protocol that a plugin lacks, and return the plugin.
 
-    They are set in the plugin's class, in place; in the instance if the class cannot be changed.
+    The defaults are set in the plugin's class, in place; in the instance if the class cannot be changed.
 
     plugin    a class or an instance
     defaults  default value of each optional member, by name; existing attributes do not change

@@ -332,8 +332,8 @@ def processes(workers: int) -> ProcessPoolExecutor:
 def _start_fork_server() -> None:
     """Start the server process that forks workers, protected from signals that end a group of processes.
 
-    It inherits the signals that are blocked here, and ends when the main process ends. The resource tracker is started
-    first, because its start unblocks SIGTERM.
+    The server inherits the signals that are blocked here, and ends when the main process ends. The resource tracker is
+    started first, because its start unblocks SIGTERM.
     """
     from multiprocessing import forkserver, resource_tracker
 

@@ -234,7 +234,7 @@ def _reading(spending: Spending) -> Iterator[None]:
 def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Sequence[Criterion]) -> Preference | None:
     """Load the preference of a person that `choose` names; None if there is none.
 
-    It marks a trajectory "for you", so every cost that it weighs must be a cost of the front.
+    The preference marks a trajectory "for you", so every cost that it weighs must be a cost of the front.
     """
     if choose is None:
         return None

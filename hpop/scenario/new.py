@@ -149,8 +149,9 @@ def first_problem(
 ) -> Problem | None:
     """Return a problem for a round robot from start to goal; if one is missing, it is chosen far from the other.
 
-    Both are in one connected part of the free space of a robot whose radius is larger by ``room`` (m); the result is
-    None if there is no such part. Raises MapError if the robot fits nowhere, QueryError for a blocked start or goal.
+    Start and goal are in one connected part of the free space of a robot whose radius is larger by ``room`` (m); the
+    result is None if there is no such part. Raises MapError if the robot fits nowhere, QueryError for a blocked start
+    or goal.
     """
     model: Any = make_model({"differential_drive": {} if radius is None else {"radius": radius}})
     free = FreeMap.of(replace(model, radius=model.radius + room), world)

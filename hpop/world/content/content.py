@@ -112,8 +112,8 @@ class Content:
     groups     conversations: each a tuple of two or more indices into ``people``
     landmarks  objects that the viewer may want to see
     zones      areas of the floor with rules for robots
-    left       set by a `Problem`: indices of standing people that the robot touches at its start. It may move away
-               from each of them, as long as the gap does not shrink.
+    left       set by a `Problem`: indices of standing people that the robot touches at its start. The robot may
+               move away from each of them, as long as the gap does not shrink.
     kept       set by a `Problem`: clearance, m, that the robot keeps from standing people
     """
 

@@ -84,8 +84,8 @@ class RasterBalls:
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
         """Return the range of rows and the range of columns of cells that the balls of a tile reach, end excluded.
 
-        They count from the first row and column of the raster, and may extend beyond it. The tile is given by its
-        rows and columns in the result, which has ``pad`` more cells on every side.
+        Both ranges count from the first row and column of the raster, and may extend beyond it. The tile is given by
+        its rows and columns in the result, which has ``pad`` more cells on every side.
         """
         border = self._border
         return [

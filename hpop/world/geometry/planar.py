@@ -172,7 +172,8 @@ class FreeSpace:
     def differs(self, before: FreeSpace, x: FloatArray, y: FloatArray, within: float) -> BoolArray:
         """Return at which points (M,) the free space may differ from a previous one somewhere within ``within`` m.
 
-        It is equal if no edge within that distance was added or removed, and the point is free in both or in neither.
+        The free space is equal there if no edge within that distance was added or removed, and the point is free in
+        both or in neither.
         """
         if self is before:
             return np.zeros(x.shape, dtype=np.bool_)

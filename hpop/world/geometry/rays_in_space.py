@@ -143,7 +143,7 @@ class Surfaces:
     def filled(self, centres: FloatArray, radius: float, rays: int) -> FloatArray:
         """Return the fraction (N,) of the ball of ``radius`` m around each centre (N, 3), m, that bodies fill.
 
-        It is measured along ``rays`` rays from each centre, spread evenly over the sphere.
+        The fraction is measured along ``rays`` rays from each centre, spread evenly over the sphere.
         """
         out = np.zeros(len(centres))
         if len(self):
@@ -187,11 +187,10 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
 def towards_ball(
     places: FloatArray, centre: Sequence[float], radius: float, rays: int
 ) -> tuple[FloatArray, FloatArray]:
-    """Return rays from points to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
+    """Return rays from points (N, 3), m, to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
 
-    The rays are aimed at points spread evenly over a disc, which has the ball's centre and radius and faces the
-    origin of the rays. They end at the surface of the ball.
-    The points are (N, 3), m. Directions and lengths are 0 for points inside the ball.
+    The rays are aimed at points spread evenly over a disc, which has the ball's centre and radius and faces the origin
+    of the rays. The rays end at the surface of the ball. From a point inside the ball, directions and lengths are 0.
     """
     directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
     geometry._kernels.towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)

@@ -386,7 +386,7 @@ def _length(what: str, value: Any) -> float:
 def _rim(radius: float) -> FloatArray:
     """Return the corners (N, 2), m, of a polygon whose sides touch a circle round the origin from outside.
 
-    They are at most `SAGITTA` off the circle, times the radius in m if that is above 1 m.
+    The corners are at most `SAGITTA` off the circle, times the radius in m if that is above 1 m.
     """
     excess = SAGITTA / min(radius, 1.0)
     count = max(16, 4 * math.ceil(math.pi / math.acos(1.0 / (1.0 + excess)) / 4))

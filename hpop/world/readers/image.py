@@ -188,9 +188,9 @@ def read(
     thinnest_obstacle : float, optional
         Thinner lines, m, are no obstacle, such as the swings of doors between thicker walls.
 
-    A photograph is rotated by its EXIF orientation, which ``world.notes`` mention. They also report grey pixels, grey
-    areas that count as free, specks that look like lettering, and thin lines that close passages, each with the option
-    that changes it. Finally they state the areas that these options removed or closed.
+    A photograph is rotated by its EXIF orientation, which ``world.notes`` mention. The notes also report grey pixels,
+    grey areas that count as free, specks that look like lettering, and thin lines that close passages, each with the
+    option that changes it. Finally they state the areas that these options removed or closed.
 
     Raises
     ------

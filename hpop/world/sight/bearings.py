@@ -161,8 +161,8 @@ class Bearings:
     ) -> Column:
         """Return the largest angular speed (M,), rad/s, over the bearings that `mean_flow` averages.
 
-        It inverts the splines of distances even near jumps, which pass too quickly to show a peak. A bearing counts if
-        any part of its sector is visible; on symbols it fades in at the edge of the view within SMOOTHING.
+        Here the splines of distances are inverted even near jumps; a jump passes too quickly to show a peak. A bearing
+        counts if any part of its sector is visible; on symbols it fades in at the edge of the view within SMOOTHING.
         """
         if not self._on_symbols(x, y, velocity, rotation, seen):
             return self._kernel(x, y, velocity, rotation, nearest, seen, largest=True)

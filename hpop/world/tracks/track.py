@@ -159,7 +159,7 @@ class Track:
 
     @cached_property
     def _velocities(self) -> tuple[FloatArray, FloatArray]:
-        """Return the velocity (N-1,) of each leg, m/s."""
+        """Return the velocity (x, y) on each leg, m/s: two columns (N-1,)."""
         steps = np.diff(self.times)
         return np.diff(self.x) / steps, np.diff(self.y) / steps
 
