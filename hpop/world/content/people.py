@@ -55,7 +55,7 @@ class Person:
     spread      m     standard deviation of the position now, along each axis
     growth      m/s   growth of the standard deviation: σ(t)² = spread² + (growth (t + age))², up to ``until``
     until       s     when the prediction ends, None: never; the end of a track ends it too
-    afterwards  "gone": the person is absent at ``until`` and later; "stays": the person stands where the prediction ends
+    afterwards  "gone": the person is absent once the prediction ends; "stays": the person stands there
     age         s     time since the prediction was made
 
     Raises MapError for contradictory or impossible values.
