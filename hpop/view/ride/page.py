@@ -101,7 +101,7 @@ def links_of(model: Model, states: States) -> list[dict[str, Any]]:
 
 
 def link_poses(model: Model, states: States) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the positions (N, 3), m, and quaternions (N, 4), x, y, z, w, of each link in N states."""
+    """Yield, for each solid of the robot (`model.bodies`), positions (N, 3), m, and quaternions (N, 4), x, y, z, w."""
     for _, matrices in model.bodies(states):
         links = np.broadcast_to(matrices, (states.size, 4, 4))
         yield links[:, :3, 3], on_one_side(quaternions_of(links[:, :3, :3]))

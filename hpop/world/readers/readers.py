@@ -102,7 +102,10 @@ def reader_of(path: str | Path) -> str:
 
 
 def _said(reader: str, path: str | Path, options: Mapping[str, Any], known: inspect.Signature) -> str:
-    """Return a text on options that a reader does not have, or lacks; "" if none are, or if it takes any options."""
+    """Return a text on unknown options, or on required ones that are missing; "" without a fault.
+
+    A reader that accepts options of all names (``**options``) never has one.
+    """
     _, *names = known.parameters
     if any(parameter.kind == parameter.VAR_KEYWORD for parameter in known.parameters.values()):
         return ""
