@@ -289,7 +289,7 @@ def read_dxf(
 
 
 def _units(path: str | Path, found: ChildAnswer) -> tuple[str, float]:
-    """Return the name of the units that the header of a drawing states, and their length, m."""
+    """Return the units that the header of a DXF drawing states, by name, and their length, m; MapError if none."""
     code = found.words["insunits"]
     if code in METRES:
         return METRES[code]
