@@ -271,7 +271,7 @@ def _solid_entries(given: Any) -> Any:
 
 
 def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
-    """Build a solid from its entry in the scenario; note its faults, and return None if there is no one shape or pose."""
+    """Build a solid from its entry in the scenario; note its faults, and return None without one shape or one pose."""
     shapes = [name for name in SHAPES if getattr(entry, name) is not None]
     if len(shapes) != 1:
         faults.add(place, f"give exactly one of {', '.join(SHAPES)}; got {' and '.join(shapes) or 'none'}")
