@@ -44,7 +44,10 @@ def driven(page: Page) -> None:
 
 def test_a_page_chooses_takes_pushes_and_stops(server: LiveServer, page: Page) -> None:
     scene = page.until("scene")
-    assert (scene["role"], [c["name"] for c in scene["criteria"]]) == ("drive", ["obstruction", "turns", "length"])
+    assert (scene["role"], [c["name"] for c in scene["criteria"]]) == (
+        "drive",
+        ["obstruction", "exposure", "turns", "length"],
+    )
     page.say("destination", x=6.0, y=4.0)
     assert page.until("place")["status"] == "reachable"
     options = page.until("options")
