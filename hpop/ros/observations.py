@@ -97,10 +97,10 @@ class Transforms:
     def pose(self, frame: str, child: str) -> tuple[PlanarPose, float] | None:
         """Return the pose of the frame ``child`` in ``frame``, and the time, s, of the oldest transform between them.
 
-        The time is infinite if all are static. None if they are not connected.
+        The time is infinite if all are static. None if they are not connected. RosError if it is no text.
         """
         x = y = yaw = 0.0
-        oldest, name = math.inf, child
+        oldest, name = math.inf, text(child, "the name of a frame")
         for _ in range(len(self._links) + 1):
             if name == frame:
                 return PlanarPose(x, y, math.remainder(yaw, math.tau), frame), oldest

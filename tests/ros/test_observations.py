@@ -112,3 +112,8 @@ def test_people_have_the_velocity_that_they_tell_or_that_their_places_show():
         poses = [pose_message(x, 1.0, 0.0)["pose"]]
         (person,) = walks.heard({"header": header(0, "map"), "poses": poses}, "map", tree, now)
         assert person.velocity == pytest.approx((velocity, 0.0), abs=1e-9)
+
+
+def test_a_frame_that_is_no_name_is_refused() -> None:
+    with pytest.raises(RosError, match=r"the name of a frame must be text of at most .* got \{\}"):
+        Transforms().pose("map", {})  # type: ignore[arg-type]
