@@ -110,6 +110,7 @@ def test_ctrl_c_while_the_scenario_is_planned_ends_it(run: Run, room: Path, writ
     assert (result.exit_code, result.stderr) == (130, "error: interrupted\n")
 
 
+@pytest.mark.proof
 def test_follow_offers_navigation_until_ctrl_c(run: Run, room: Path) -> None:
     main = threading.main_thread().ident
     assert main is not None
