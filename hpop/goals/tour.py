@@ -165,12 +165,12 @@ class Tour:
     def _checked_pair(self, pair: Any) -> tuple[int, int]:
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise QueryError(
-                f"each pair of an order (some) must be two stops, the first before the second, got {shown(pair)}"
+                f"each pair of the order must be two stops, the first before the second, got {shown(pair)}"
             )
         first, second = (self._index(stop) for stop in pair)
         return first, second
 
-    def _index(self, stop: Any, what: str = "pairs of an order (some)") -> int:
+    def _index(self, stop: Any, what: str = "pairs of the order") -> int:
         """Return the index of a stop that is given by its index or name; ``what`` names the argument in the error."""
         if isinstance(stop, str) and stop in self.names:
             return self.names.index(stop)
@@ -200,7 +200,7 @@ class Tour:
             if not ready:
                 cycle = self._cycle(direct)
                 raise QueryError(
-                    f"pairs of an order (some) must not contradict each other, but "
+                    f"pairs of the order must not contradict each other, but "
                     f"{' before '.join(self.names[i] for i in cycle)}; leave one of these pairs out"
                 )
             before |= {j: frozenset(direct[j]).union(*(before[i] for i in direct[j])) for j in ready}

@@ -6,8 +6,10 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hpop.base.text import shown
+
 LONGEST_TEXT = 200
-"""Letters of a name or a wish."""
+"""Most characters of a name or a wish."""
 MOST_CORNERS = 200
 MOST_STOPS = 20
 MOST_SAMPLES = 120
@@ -48,7 +50,7 @@ def whole(value: Any) -> int:
 def text(value: Any) -> str:
     """Return a short text; ValueError for anything else."""
     if not isinstance(value, str) or not 0 < len(value) <= LONGEST_TEXT:
-        raise ValueError(f"a text of 1 to {LONGEST_TEXT} letters")
+        raise ValueError(f"a text of 1 to {LONGEST_TEXT} characters")
     return value
 
 
@@ -111,7 +113,7 @@ WATCHING = {"hello", "alive", "head"}
 def checked(message: Any) -> tuple[str, dict[str, Any]]:
     """Return the type and the checked fields of a message; ValueError says what was expected."""
     if not isinstance(message, Mapping) or not isinstance(kind := message.get("type"), str) or kind not in FORMS:
-        raise ValueError(f"expected a message with a type of {', '.join(FORMS)}")
+        raise ValueError(f"expected a message with a type of {', '.join(FORMS)}, got {shown(message)}")
     given = {name: value for name, value in message.items() if name not in ("type", "at")}
     for form in FORMS[kind]:
         if form.keys() == given.keys():
@@ -120,7 +122,7 @@ def checked(message: Any) -> tuple[str, dict[str, Any]]:
                 try:
                     values[name] = check(given[name])
                 except (ValueError, TypeError, OverflowError) as error:
-                    raise ValueError(f"{kind}: expected {error} as {name}") from None
+                    raise ValueError(f"{kind}: expected {error} as {name}, got {shown(given[name])}") from None
             return kind, values
     forms = " or ".join(", ".join(form) or "no fields" for form in FORMS[kind])
-    raise ValueError(f"{kind}: expected {forms}")
+    raise ValueError(f"{kind}: expected {forms}, got {', '.join(map(shown, given)) or 'no fields'}")

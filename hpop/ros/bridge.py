@@ -130,7 +130,11 @@ class PathServer(protocol.MessageServer):
         with self._changed:
             found = [one for one in (self._now, self._next) if one is not None and one.open and one.id == asked]
         if not found:
-            raise RosError(f"cancel_action_goal of {shown(asked)}, which is not being planned")
+            planned = [shown(one.id) for one in (self._now, self._next) if one is not None and one.open]
+            raise RosError(
+                f"cancel_action_goal must name a goal that is being planned, {' or '.join(planned) or 'none now'}, "
+                f"got {shown(asked)}"
+            )
         for one in found:
             self._end(one, canceled(self.known))
 
@@ -147,7 +151,9 @@ class PathServer(protocol.MessageServer):
     def _check_action(self, message: Mapping[str, Any]) -> None:
         """Raise RosError unless a message is for the offered action."""
         if message.get("action") != self.known.action:
-            raise RosError(f"a goal of action {shown(message.get('action'))}, which is not offered here")
+            raise RosError(
+                f"action must be the one that is offered here, {self.known.action}, got {shown(message.get('action'))}"
+            )
 
     # In the planning thread
 

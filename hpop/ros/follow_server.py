@@ -124,7 +124,9 @@ class FollowServer(MessageServer):
     def _checked_action(self, message: Mapping[str, Any]) -> str:
         action = message.get("action")
         if action not in self.known.actions:
-            raise RosError(f"a goal of action {shown(action)}, which is not offered here")
+            raise RosError(
+                f"action must be one that is offered here, {', '.join(self.known.actions)}, got {shown(action)}"
+            )
         return str(action)
 
     def _run(self) -> None:

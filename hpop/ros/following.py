@@ -168,7 +168,8 @@ class Follower:
         """Give up a goal; the robot brakes. RosError if there is no such goal."""
         with self._lock:
             if self._goal is None or self._goal.id != goal:
-                raise RosError(f"cancel of {shown(goal)}, which is not being followed")
+                followed = shown(self._goal.id) if self._goal else "none now"
+                raise RosError(f"cancel must name the goal that the robot follows, {followed}, got {shown(goal)}")
             self._end(False, "canceled", canceled=True)
 
     def drop(self) -> None:

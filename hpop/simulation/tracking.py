@@ -69,16 +69,15 @@ class DriveLimits:
         """Return the limits of a model; raise ModelError if it does not run straight ahead and turn in place."""
         laws, executed = model.laws, model.executed
         run, spin = laws.get(executed.get("move", "run")), laws.get(executed.get("turn", "spin"))
-        if model.speed_classes and isinstance(change := laws.get(CHANGE), SpeedChange):
-            speed, acceleration = float(model.speed_classes[-1]), change.acceleration
-        elif isinstance(run, Run):
-            speed, acceleration = run.speed, run.acceleration
-        else:
+        drive = laws.get(CHANGE) if model.speed_classes else run
+        if not isinstance(spin, Spin) or not isinstance(drive, Run | SpeedChange):
             raise ModelError(
                 "tracking needs a robot that drives straight ahead and turns in place, got the motions "
                 f"{', '.join(laws)}; plan with differential_drive, pan_tilt or mobile_arm"
             )
-        rates = (spin.turn_rate, spin.turn_acceleration) if isinstance(spin, Spin) else (speed, acceleration)
+        speed = drive.speed if isinstance(drive, Run) else float(model.speed_classes[-1])
+        acceleration = drive.acceleration
+        rates = spin.turn_rate, spin.turn_acceleration
         if "wheels" not in model.provides:
             return cls(speed, acceleration, *rates)
         base = cast(Wheeled, model)

@@ -233,7 +233,7 @@ def test_a_scenario_has_the_tour_that_python_has(tmp_path: Path) -> None:
     ("order", "stop", "said"),
     [
         ("order: sometimes", OPTIONAL, "tour.order: expected 'given' or 'any', got 'sometimes'"),
-        ("some: [[0, 1], [1, 0]]", OPTIONAL, "tour.some: pairs of an order (some) must not contradict each other, but"),
+        ("some: [[0, 1], [1, 0]]", OPTIONAL, "tour.some: pairs of the order must not contradict each other, but"),
         (
             "order: any",
             "{at: [6, 1], within: 1, dwell: -2}",
