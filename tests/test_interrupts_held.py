@@ -1,14 +1,18 @@
-"""Claim: Ctrl-C is held to the end of a block, then does what it would have done, and every handler is back."""
+"""Claims: a block can hold Ctrl-C to its end; a wait loses none; every handler is back afterwards."""
 
 from __future__ import annotations
 
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
+from queue import SimpleQueue
+from threading import Event, Thread
 from typing import Any
 
 import pytest
 
-from hpop.runtime.interrupts import SIGNALS, interrupts_held
+from hpop.runtime.interrupts import SIGNALS, interrupts_held, interrupts_noted, taken, waited
+from hpop.runtime.page_server import PageServer
 
 
 def interrupt(number: int, frame: Any) -> None:
@@ -61,4 +65,43 @@ def test_a_signal_that_comes_while_handlers_are_put_back_leaves_none_behind(
     with pytest.raises(KeyboardInterrupt), interrupts_held():
         monkeypatch.setattr(signal, "signal", watched)
     monkeypatch.undo()
+    assert handlers() == {interrupt}
+
+
+def served() -> None:
+    with PageServer([]) as server:
+        server.serve_forever()
+
+
+@pytest.mark.parametrize("wait", [lambda: waited(Event()), lambda: taken(SimpleQueue[int]()), served])
+def test_a_wait_ends_though_its_thread_does_not_notice_the_signal(wait: Callable[[], object]) -> None:
+    """Another thread gets the signal, so that nothing ends the wait in C; so it is where it comes just before."""
+
+    def press() -> None:
+        begun.wait()
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+
+    begun = Event()
+    other = Thread(target=press)
+    other.start()
+    threading.Timer(0.1, begun.set).start()
+    with pytest.raises(KeyboardInterrupt):
+        wait()
+    other.join()
+    assert handlers() == {interrupt}
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.parametrize("number", SIGNALS)
+def test_a_signal_whose_exception_is_dropped_is_noted(number: signal.Signals) -> None:
+    class Ending:
+        def __del__(self) -> None:
+            signal.raise_signal(number)
+
+    with interrupts_noted() as check:
+        check()
+        ending = Ending()
+        del ending
+        with pytest.raises(KeyboardInterrupt):
+            check()
     assert handlers() == {interrupt}

@@ -34,6 +34,7 @@ from starlette.routing import Route
 
 from hpop.base.text import printable
 from hpop.errors import OutputError
+from hpop.runtime.interrupts import waited
 from hpop.runtime.page_server import LOCAL as LOCAL
 from hpop.runtime.page_server import PageServer, body
 
@@ -261,7 +262,7 @@ def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> No
         serving.start()
         try:
             say(f"the questions are at {server.root()}/{token}")
-            over.wait()
+            waited(over)
         finally:
             server.shutdown()
             serving.join()

@@ -27,6 +27,7 @@ from hpop.ros import protocol
 from hpop.ros.messages import Message, PlanarPose, planar_pose
 from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
+from hpop.runtime.interrupts import WAKING, interrupts_noted, waited
 from hpop.runtime.status import Progress, log
 
 ALIVE = 1.0  # least time between two feedback messages, s
@@ -295,7 +296,7 @@ class Bridge:
                 if monotonic() - since > most:  # the connection was stable
                     delay = first
                 self.say(printable(f"no connection to {self.url} ({why}); trying again in {delay:g} s"))
-                self._stopped.wait(delay)
+                waited(self._stopped, delay)
                 delay = min(2.0 * delay, most)
 
     def stop(self) -> None:
@@ -330,10 +331,16 @@ class Bridge:
         pace = Pace(MOST_A_SECOND, monotonic, self._stopped.wait)
         self._connection = connection
         try:
-            self.server.connected(send)
-            while not self._stopped.is_set():
-                self.server.received(connection.recv())
-                pace.step()
+            with interrupts_noted() as check:
+                self.server.connected(send)
+                while not self._stopped.is_set():
+                    check()
+                    try:
+                        message = connection.recv(WAKING)
+                    except TimeoutError:
+                        continue
+                    self.server.received(message)
+                    pace.step()
             self._leave()
             return "stopped"
         except closed as error:

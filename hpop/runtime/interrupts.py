@@ -1,4 +1,4 @@
-"""Interruptions of work: blocks in which Ctrl-C is delayed, signals that act like it, and rare garbage collection.
+"""Interruptions of work: Ctrl-C delayed or never lost, signals that act like it, and rare garbage collection.
 
 Ctrl-C must be delayed where it would do harm. CasADi takes it for a failed evaluation and goes on. LLVM loses it or
 frees memory twice. A process pool that is interrupted never ends. If Ctrl-C comes just after one of Python's futures
@@ -17,14 +17,21 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
+from math import inf
+from queue import Empty, SimpleQueue
+from time import monotonic
 from types import FrameType
+from typing import Any, TypeVar
 
 # Signals that ask a process to end: after a batch job's time, or when the terminal closes. Some systems lack SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 SIGNALS = (signal.SIGINT, *ENDING)  # on the command line, the signals ENDING act like Ctrl-C
+WAKING = 0.5  # s after which a loop that waits looks whether a Ctrl-C was lost
+T = TypeVar("T")
+Handler = Callable[[int, FrameType | None], Any]
 
 
 @contextmanager
@@ -43,18 +50,70 @@ def interrupts_held() -> Iterator[None]:
     to the end
     and then stopped
     """
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    handlers = {number: handler for number in SIGNALS if callable(handler := signal.getsignal(number))}
     held: list[tuple[int, FrameType | None]] = []
+    handlers = _handlers()
+    try:
+        with _handled(handlers, lambda number, frame: held.append((number, frame))):
+            yield
+    finally:
+        if held:
+            handlers[signal.Signals(held[0][0])](*held[0])
 
-    def hold(number: int, frame: FrameType | None) -> None:
-        held.append((number, frame))
 
+@contextmanager
+def interrupts_noted() -> Iterator[Callable[[], None]]:
+    """Note each Ctrl-C in the block; the function that is yielded raises KeyboardInterrupt if one came.
+
+    Python loses a Ctrl-C in two ways. A signal that comes just before a wait in C does not end the wait. An exception
+    that is raised in a finalizer or a weak reference's callback is printed, and dropped. A loop that waits for long
+    therefore wakes up every `WAKING` s, and calls the function; so do :func:`waited` and :func:`taken`.
+    """
+    noted: list[int] = []
+    handlers = _handlers()
+
+    def note(number: int, frame: FrameType | None) -> None:
+        noted.append(number)
+        handlers[signal.Signals(number)](number, frame)
+
+    def check() -> None:
+        if noted:
+            raise KeyboardInterrupt
+
+    with _handled(handlers, note):
+        yield check
+
+
+def waited(event: threading.Event, seconds: float = inf) -> bool:
+    """Wait until an event is set, for at most ``seconds``; return whether it is set. No Ctrl-C is lost meanwhile."""
+    last = monotonic() + seconds
+    with interrupts_noted() as check:
+        while not event.wait(max(0.0, min(WAKING, last - monotonic()))) and monotonic() < last:
+            check()
+    return event.is_set()
+
+
+def taken(queue: SimpleQueue[T]) -> T:
+    """Wait for the next item of a queue, and return it. No Ctrl-C is lost meanwhile."""
+    with interrupts_noted() as check:
+        while True:
+            check()
+            with suppress(Empty):
+                return queue.get(timeout=WAKING)
+
+
+def _handlers() -> dict[signal.Signals, Handler]:
+    """Return the handlers of `SIGNALS` that are not ignored; none outside the main thread, which gets no signals."""
+    if threading.current_thread() is not threading.main_thread():
+        return {}
+    return {number: handler for number in SIGNALS if callable(handler := signal.getsignal(number))}
+
+
+@contextmanager
+def _handled(handlers: dict[signal.Signals, Handler], handle: Handler) -> Iterator[None]:
+    """Handle signals by another function in the block, in place of their handlers."""
     try:
         for number in handlers:
-            signal.signal(number, hold)
+            signal.signal(number, handle)
         yield
     finally:
         late: BaseException | None = None
@@ -68,8 +127,6 @@ def interrupts_held() -> Iterator[None]:
                 late = error
         if late is not None:
             raise late
-        if held:
-            handlers[signal.Signals(held[0][0])](*held[0])
 
 
 @contextmanager

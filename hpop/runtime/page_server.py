@@ -15,7 +15,7 @@ import secrets
 import socket
 import ssl
 from collections.abc import AsyncIterator, Iterable, Mapping, Sequence
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from http import HTTPStatus
 from threading import Event
 from typing import Any
@@ -32,6 +32,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from uvicorn.server import ServerState
 
 from hpop.errors import OutputError
+from hpop.runtime.interrupts import WAKING, interrupts_noted
 
 LOCAL = "127.0.0.1"
 READING = 20.0
@@ -189,7 +190,11 @@ class PageServer:
             self._stop.set()
         try:
             async with self.alongside():
-                await self._stop.wait()
+                with interrupts_noted() as check:
+                    while not self._stop.is_set():
+                        check()
+                        with suppress(TimeoutError):
+                            await asyncio.wait_for(self._stop.wait(), WAKING)
         finally:
             server.close()
             for connection in list(self.connections):

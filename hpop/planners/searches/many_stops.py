@@ -30,7 +30,7 @@ from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.searches.fixed_stops import ENDS, FixedStops, Fronts, TourPaths, chosen_states, stages_of
 from hpop.planners.spending import Exhausted, Limits, Spending
-from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.interrupts import interrupts_held, taken
 from hpop.runtime.status import Progress, ProgressCallback, Status
 from hpop.search import ParetoPaths, SearchStats
 
@@ -385,7 +385,7 @@ def in_threads(
             for thread in threads:
                 thread.start()
         for _ in tasks[1:]:
-            task, result = ended.get()
+            task, result = taken(ended)
             if isinstance(result, BaseException):
                 raise result
             yield task, result
