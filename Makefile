@@ -55,6 +55,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/arm_plans.py --out out/bench/arm_plans.json
 	$(BIN)/python benchmarks/timed.py --out out/bench/timed.json
 	$(BIN)/python benchmarks/preference.py --out out/bench/preference.json
+	$(BIN)/python benchmarks/ratings.py --out out/bench/ratings.json
 
 reference: $(TOOLS)
 	$(BIN)/python docs/make_reference.py
