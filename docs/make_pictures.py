@@ -126,6 +126,11 @@ RECIPES = [
             "trace": "One tour over time, with the names of its stops and its speeds",
         },
     ),
+    example(
+        "11_wifi_survey",
+        {"map": "An office, shaded by the strength of its Wi-Fi; paths that trade it against turns and length"},
+        " ../shared/data/pal_office/map.yaml",
+    ),
     Recipe(
         "paper_figure",
         "python examples/paper_figure/paper_figure.py",

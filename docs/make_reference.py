@@ -89,7 +89,7 @@ TOURS = (
     "Keys of `tour` ([guide](tours.md)). A stop has exactly one of `at`, `landmark`, and a [goal](#goals) by its name."
 )
 OPTION_SECTIONS = {"Maps": "world", "Robots": "model", "Planners": "planner", "Goals": "goal"}
-ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones"}
+ENTRIES = {"People": "people", "Landmarks": "landmarks", "Zones": "zones", "Measured fields": "fields"}
 
 
 def options_reference() -> str:

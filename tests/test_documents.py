@@ -19,6 +19,7 @@ import click
 import pytest
 import yaml
 from click.testing import CliRunner
+from PIL import Image
 
 import hpop
 from hpop import study
@@ -109,6 +110,8 @@ def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> P
         (tmp_path / name).symlink_to(ROOT / "examples/arm" / name)
     (tmp_path / "p07.json").symlink_to(preference)
     (tmp_path / "comfort.json").write_text(json.dumps(LEARNT))
+    (tmp_path / "wifi.csv").write_text("x,y,wifi\n2,10,-50\n4,10,-60\n")
+    Image.new("L", (80, 80)).save(tmp_path / "latency.png")
     (tmp_path / "visitors.csv").write_text("1,1500,4,9\n1,1600,6,9\n")  # id, frame, x, y
     monkeypatch.chdir(tmp_path)
     return tmp_path

@@ -46,7 +46,7 @@ def example(name: str) -> ModuleType:
     return module
 
 
-@pytest.mark.parametrize("name", ["02_ros_map.py", "field_museum.py"])
+@pytest.mark.parametrize("name", ["02_ros_map.py", "11_wifi_survey.py", "field_museum.py"])
 @pytest.mark.parametrize("arguments", [[], ["--help"]])
 def test_an_example_that_needs_data_says_how_it_is_run(warm, tmp_path, name, arguments):
     code = f"import runpy, sys; sys.argv[0] = {name!r}; runpy.run_path({str(EXAMPLES / name)!r}, run_name='__main__')"
@@ -69,6 +69,15 @@ def test_the_museum_tour_has_a_complete_front_and_its_picture(tmp_path):
     front = example("01_museum.py").main(tmp_path)
     assert front.status == "complete"
     assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png"}
+
+
+@pytest.mark.proof
+@pytest.mark.usefixtures("map_alone")
+def test_a_survey_of_wifi_is_told_where_it_ends_and_trades_against_length(tmp_path, shared_data):
+    front = example("11_wifi_survey.py").main(shared_data("pal_office") / "map.yaml", folder=tmp_path)
+    assert front.status == "complete"
+    assert any(note.startswith("field 'wifi' was measured in ") for note in front.notes)
+    assert front.costs[:, 0].min() < 0.8 * front.costs[np.argmin(front.costs[:, 2]), 0]
 
 
 @pytest.mark.usefixtures("map_alone")

@@ -248,6 +248,7 @@ hpop.world.Cylinder
 hpop.world.Future
 hpop.world.Ground
 hpop.world.Hull
+hpop.world.MeasuredField
 hpop.world.Person
 hpop.world.Solid
 hpop.world.Sphere
@@ -296,6 +297,7 @@ hpop.trajectories.poses.poses
 hpop.world.content.predictions
 hpop.world.content.proxemics
 hpop.world.fields.field.Field
+hpop.world.read_field
 hpop.world.readers.geojson_content
 hpop.world.readers.geojson_content.read
 hpop.world.readers.readers

@@ -46,6 +46,10 @@ if TYPE_CHECKING:
     from hpop.criteria.others.personal_space import PersonalSpace as PersonalSpace
     from hpop.criteria.others.zones import AgainstFlow as AgainstFlow
     from hpop.criteria.others.zones import Speeding as Speeding
+    from hpop.criteria.performance.fields import FieldExposure as FieldExposure
+    from hpop.criteria.performance.fields import FieldWorst as FieldWorst
+    from hpop.criteria.performance.fields import StaleView as StaleView
+    from hpop.criteria.performance.fields import TimeBelow as TimeBelow
     from hpop.criteria.performance.landmarks import LandmarkBlindness as LandmarkBlindness
     from hpop.criteria.performance.landmarks import LandmarkVisibility as LandmarkVisibility
     from hpop.criteria.performance.landmarks import StopsMissed as StopsMissed

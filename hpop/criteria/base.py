@@ -69,6 +69,7 @@ class Criterion(Protocol):
     quantity     what the cost measures, such as "shortfall", if its name reads like the opposite; tables and pictures
                  print it before the unit; ""
     ball_radius  m, radius of a ball round the camera; pictures shade the map by its obstructed fraction; None
+    measured_field  name of a measured field of the world, by which pictures shade the map; "" for the only one; None
     bound        method: takes two states (M,), returns a lower bound (M,) on the cost of any trajectory between them;
                  None
     convex       method: takes a polyline, returns its cost as a convex expression (:mod:`hpop.criteria.convex`); None
@@ -117,6 +118,8 @@ class Criterion(Protocol):
         @property
         def ball_radius(self) -> float | None: ...
         @property
+        def measured_field(self) -> str | None: ...
+        @property
         def bound(self) -> Callable[[States, States], Column] | None: ...
         @property
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
@@ -142,6 +145,7 @@ WORLD_NEEDS = (
     "moving people",
     "groups",
     "landmarks",
+    "fields",
     "speed zones",
     "one-way zones",
 )
@@ -155,6 +159,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "stand_in_quantum": None,
     "places": (),
     "ball_radius": None,
+    "measured_field": None,
     "quantity": "",
     "bound": None,
     "convex": None,

@@ -29,6 +29,8 @@
       - {kind: speed, area: [[3, 3], [6, 3], [6, 6]], limit: 0.5}
       - {kind: keep-out, area: [[9, 1], [10, 1], [10, 2]]}
       - {kind: one-way, area: [[3, 7], [9, 7], [9, 9], [3, 9]], path: [[3, 8], [9, 8]]}
+    fields:                                 # quantities measured over the floor, for criteria such as field_exposure
+      - {name: wifi, path: wifi.csv, unit: dBm, outside: -95}     # columns x, y, wifi; elsewhere it is -95 dBm
     tour:                                   # stops on the way to the goal
       order: any                            # or given, the default; or some: [[0, door]], pairs that keep their order
       stops:
@@ -79,6 +81,7 @@ from hpop.scenario.schema import (
     Choose,
     ContentFile,
     CylinderSize,
+    FieldEntry,
     LandmarkEntry,
     MapFile,
     ReaderFile,
@@ -89,7 +92,7 @@ from hpop.scenario.schema import (
     ZoneEntry,
 )
 from hpop.scenario.yaml_lines import Document, Place, entries
-from hpop.world import World
+from hpop.world import MeasuredField, World, read_field
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.content.predictions import bounded
 from hpop.world.geometry.outlines import check_joinable
@@ -167,6 +170,7 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     landmarks = faults.made(given.get("landmarks"), ("landmarks",), LandmarkEntry, partial(_landmark, faults))
     zones = faults.made(given.get("zones"), ("zones",), ZoneEntry, _zone)
     solids = faults.made(_solid_entries(given), ("world", "solids", "obstacles"), SolidEntry, partial(_solid, faults))
+    fields = faults.made(given.get("fields"), ("fields",), FieldEntry, partial(_field, faults))
     groups = groups_of(faults, given.get("groups"), entered)
     faults.raise_all()
     preference = _preference(faults, document.path.parent, file.choose, cast(list[Criterion], wanted))
@@ -191,6 +195,8 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
         world = _with_notes(_furnished(bare, file.world, folder, content), tuple(faults.notes))
     read_seconds = spending.seconds()
     faults.raise_all()
+    with faults.collected(("fields",)):
+        world = world.with_fields(cast(list[MeasuredField], fields)) if fields else world
     with faults.collected(("horizon",)):
         if file.horizon is not None:
             real("horizon", file.horizon, LEAST, MOST, "a time in s", error=QueryError)
@@ -295,6 +301,11 @@ def _solid(faults: Faults, entry: SolidEntry, place: Place) -> Solid | None:
 def _given(entry: BaseModel) -> dict[str, Any]:
     """Return the values that an entry sets, without defaults."""
     return {key: getattr(entry, key) for key in entry.model_fields_set}
+
+
+def _field(faults: Faults, entry: FieldEntry, place: Place) -> MeasuredField:
+    """Read a measured field as its entry in the scenario says."""
+    return read_field(**{**_given(entry), "path": faults.beside(entry.path)})
 
 
 def _zone(entry: ZoneEntry, place: Place) -> Zone:

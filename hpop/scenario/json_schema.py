@@ -36,6 +36,7 @@ from hpop.scenario.schema import (
     Choose,
     ContentFile,
     CylinderSize,
+    FieldEntry,
     FutureEntry,
     LandmarkEntry,
     MapFile,
@@ -133,6 +134,7 @@ ENTRIES: dict[str, tuple[tuple[type[BaseModel], ...], type]] = {
     "people": ((PersonEntry, WaypointsEntry, TrackEntry), Person),
     "landmarks": ((LandmarkEntry,), Landmark),
     "zones": ((ZoneEntry,), Zone),
+    "fields": ((FieldEntry,), FieldEntry),
 }
 """Lists in a scenario: the possible forms of their entries, and the class whose docstring describes the keys."""
 ANGLE: Schema = {"anyOf": [{"type": "number"}, Degrees.json_schema()]}
@@ -150,6 +152,7 @@ KEYS = {
     "groups": "people who talk with each other: names, or indices in the list of people, from 0",
     "landmarks": "points that are worth seeing, m",
     "zones": "areas with a rule, m",
+    "fields": "quantities that were measured over the floor, such as the strength of a radio signal",
     "tour": "stops to visit on the way to the goal: positions, goals or landmarks",
     "choose": "a person's preference, written by `hpop prefer`: the best trajectory for this person is marked",
 }

@@ -320,6 +320,18 @@ class ZoneEntry(_Strict):
     name: str = ""  # in messages and pictures
 
 
+class FieldEntry(_Strict):
+    """Quantity that was measured over the floor, read from a file; bilinear between its samples."""
+
+    name: str = Field(min_length=1)  # for criteria and pictures
+    path: str  # file, relative to the scenario: CSV (x, y, name), NumPy, grey image, or yaml of map_server
+    unit: str = Field(min_length=1)  # of the values, such as dBm
+    spacing: float | None = Field(default=None, gt=0)  # m, between samples; stated in CSV and yaml files
+    origin: Origin | None = None  # [x, y, yaw] of the lower-left corner of an image, or of the first sample
+    outside: float | None = None  # value where nothing was measured; without it all free space must be covered
+    range: Annotated[Pair, _form("two values [low, high]")] | None = None  # values of black and white, or of 0 and 100
+
+
 class StopEntry(_Strict):
     """Stop of a tour: a disc of positions (``at`` and ``within``, m), a goal by name, or a landmark that is seen."""
 
@@ -378,6 +390,7 @@ class ScenarioFile(_Strict):
     groups: list[Annotated[list[int | str], Field(min_length=2)]] = []
     landmarks: list[Entry] = []
     zones: list[Entry] = []
+    fields: list[Entry] = []
     tour: TourSection | None = None
     choose: Choose | None = None
 

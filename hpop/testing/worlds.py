@@ -19,7 +19,7 @@ from hpop.models.driven import states_after
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.laws import CLOCK
 from hpop.testing.contracts import Check, differ, fault_of
-from hpop.world import Ground, Obstacle, World, pose_at
+from hpop.world import Ground, MeasuredField, Obstacle, World, pose_at
 from hpop.world.content.content import Landmark, Zone
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person
@@ -47,7 +47,7 @@ MOST_JUMPS, ACROSS = 6, 8  # largest number of jumps tried for each quantity, an
 
 @checked_arguments
 def random_world(rng: np.random.Generator) -> World:
-    """Return a room of 12 x 9 m with random boxes, standing people, landmarks and zones."""
+    """Return a room of 12 x 9 m with random boxes, standing people, landmarks, zones, and a measured field."""
     corners = rng.uniform((0.5, 0.5), (10.0, 7.0), size=(8, 2))
     sizes = rng.uniform(0.3, 1.5, size=(8, 2))
     tops = rng.uniform(0.5, 2.5, size=8)
@@ -55,7 +55,8 @@ def random_world(rng: np.random.Generator) -> World:
     places = rng.uniform((1.0, 1.0), (11.0, 8.0), size=(6, 2)).tolist()
     yaws = rng.uniform(-np.pi, np.pi, size=5).tolist()
     line = shapely.LineString(rng.uniform((1.0, 1.0), (11.0, 8.0), size=(3, 2)))
-    return World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0)).with_content(
+    room = World.from_polygons(boxes, extent=shapely.box(0.0, 0.0, 12.0, 9.0)).with_fields([latency()])
+    return room.with_content(
         people=[Person(x, y, yaw) for (x, y), yaw in zip(places[:3], yaws[:3], strict=True)],
         groups=[(0, 1)],
         landmarks=[Landmark(x, y, facing=facing) for (x, y), facing in zip(places[3:], [None, *yaws[3:]], strict=True)],
@@ -64,6 +65,12 @@ def random_world(rng: np.random.Generator) -> World:
             Zone("one-way", line.buffer(1.5), path=line),
         ],
     )
+
+
+def latency() -> MeasuredField:
+    """Return a measured field over the room of :func:`random_world`: 20 to 180 ms, a sample each 1.5 m."""
+    x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
+    return MeasuredField(100.0 + 80.0 * np.sin(x + 2.0 * y), 1.5, name="latency", unit="ms", outside=100.0)
 
 
 @checked_arguments
@@ -82,7 +89,9 @@ def reframed(world: World) -> World:
     prisms = [Obstacle(place(prism.polygon), *prism.heights) for prism in world.obstacles if prism.solid is None]
     frame = pose_at((*FRAME[:2], 0.0), rpy=(0.0, 0.0, FRAME[2]))
     solids = [replace(solid, pose=frame @ solid.pose) for solid in world.ground.solids]
-    return World(Ground(tuple(prisms), extent=place(world.extent), solids=tuple(solids))).with_content(
+    fields = [replace(each, origin=(*in_frame(*each.origin[:2]), each.origin[2] + FRAME[2])) for each in world.fields]
+    there = World(Ground(tuple(prisms), extent=place(world.extent), solids=tuple(solids)), fields=fields)
+    return there.with_content(
         people=[replace(person, **pose(person, "yaw")) for person in content.people],
         groups=content.groups,
         landmarks=[replace(landmark, **pose(landmark, "facing")) for landmark in content.landmarks],
@@ -137,7 +146,7 @@ def holds(world: World, model: Model, states: States, rng: np.random.Generator) 
 def wide_world(world: World) -> World:
     """Return a world with the same obstacles and content, in a square of 60 m around the origin."""
     c = world.content
-    wide = World(Ground(world.obstacles, extent=shapely.box(-WIDE, -WIDE, WIDE, WIDE)))
+    wide = World(Ground(world.obstacles, extent=shapely.box(-WIDE, -WIDE, WIDE, WIDE)), fields=world.fields)
     return wide.with_content(people=c.people, groups=c.groups, landmarks=c.landmarks, zones=c.zones)
 
 

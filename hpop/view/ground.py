@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap, PowerNorm
+from matplotlib.colors import LinearSegmentedColormap, ListedColormap, Normalize, PowerNorm
 from matplotlib.image import AxesImage
 from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path
@@ -22,7 +22,8 @@ from hpop.problems.problem import Problem
 from hpop.runtime.limits import LimitPassed
 from hpop.view.marks import end_poses
 from hpop.view.style import HALO, MOST_HIGH, MOST_WIDE, QUIET, SMALL, Heights
-from hpop.world import World
+from hpop.world import MeasuredField, World
+from hpop.world.fields.measured import named_field
 from hpop.world.geometry.shapes import Raster
 
 OBSTACLE = "#4a4a4a"
@@ -120,29 +121,40 @@ def ball_of(problem: Problem) -> Ball | None:
     return Ball(radius, float(camera.z[0]))
 
 
-def draw_field(axes: Axes, world: World, view: View, ball: Ball) -> AxesImage:
-    """Shade the map by obstruction: the share of the ball round the camera that obstacles fill.
+def shaded_by(problem: Problem) -> Ball | MeasuredField | None:
+    """Return the field of the problem's first criterion of a measured field; else the ball of :func:`ball_of`."""
+    name = next((c.measured_field for c in problem.criteria if c.measured_field is not None), None)
+    return ball_of(problem) if name is None else named_field(problem.world.fields, name)
 
-    Colours range from 0 to the 99th percentile over free space, and grow faster at first, because corners of a room are
-    several times more obstructed than paths.
+
+def draw_field(axes: Axes, world: World, view: View, of: Ball | MeasuredField) -> AxesImage:
+    """Shade the map by a measured field, or by obstruction: the share of the ball round the camera that obstacles fill.
+
+    Colours of a field range over its values in free space. Those of obstruction range from 0 to the 99th percentile
+    over free space, and grow faster at first, because corners of a room are several times more obstructed than paths.
 
     Raises LimitPassed if the computation exceeds a limit of the caller, and Unresolved if the ball is smaller than a
     pixel, because useful shading would then need too much memory.
     """
     pixel = max(view.width, view.height) / PIXELS
-    if pixel > 2 * ball.radius:
+    if isinstance(of, Ball) and pixel > 2 * of.radius:
         raise Unresolved
     x = np.arange(view.x_min + pixel / 2, view.x_max, pixel)
     y = np.arange(view.y_min + pixel / 2, view.y_max, pixel)
     X, Y = np.meshgrid(x, y)  # (h, w)
-    phi: FloatArray = world.obstruction_field(ball.radius, ball.z)(X.ravel(), Y.ravel()).reshape(X.shape)
+    field = world.obstruction_field(of.radius, of.z) if isinstance(of, Ball) else of
+    values: FloatArray = field(X.ravel(), Y.ravel()).reshape(X.shape)
     free = _open_area(world)
     shapely.prepare(free)
-    seen = phi[shapely.contains_xy(free, X, Y)]
+    seen = values[shapely.contains_xy(free, X, Y)]
+    if isinstance(of, Ball):
+        norm: Normalize = PowerNorm(GROWTH, 0.0, (float(np.quantile(seen, MOST_SEEN)) if seen.size else 0.0) or 1.0)
+    else:
+        norm = Normalize(*((seen.min(), seen.max()) if seen.size else (values.min(), values.max())))
     image = axes.imshow(
-        phi,
+        values,
         cmap=FIELD_COLOURS,
-        norm=PowerNorm(GROWTH, 0.0, (float(np.quantile(seen, MOST_SEEN)) if seen.size else 0.0) or 1.0),
+        norm=norm,
         origin="lower",
         extent=(view.x_min, view.x_min + pixel * x.size, view.y_min, view.y_min + pixel * y.size),
         interpolation="bilinear",

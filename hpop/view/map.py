@@ -27,7 +27,7 @@ from hpop.problems.problem import Problem
 from hpop.runtime.limits import LimitPassed
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.content import draw_content
-from hpop.view.ground import Unresolved, View, ball_of, draw_bare_floor, draw_field, draw_scale_bar, view_of
+from hpop.view.ground import Unresolved, View, draw_bare_floor, draw_field, draw_scale_bar, shaded_by, view_of
 from hpop.view.marks import (
     CIRCLE,
     EndPose,
@@ -85,6 +85,7 @@ from hpop.view.style import (
     turns_in_place,
     whole_ticks,
 )
+from hpop.world import MeasuredField
 
 WRAP = 60  # characters a line of costs in the legend
 # Without the palest yellow, which is lost on a light ground.
@@ -262,14 +263,17 @@ def draw_map(
 
 
 def _draw_floor(axes: Axes, problem: Problem, view: View, heights: Heights) -> list[Bar]:
-    """Shade the floor by obstruction at the camera's height at the start, and return the colour bar.
+    """Shade the floor by the field of a criterion, else by obstruction, and return the colour bar.
 
-    For a fixed robot without an obstruction criterion the floor is white.
+    Obstruction is shown at the camera's height at the start. For a fixed robot without such criteria the floor is
+    white.
     """
-    ball = ball_of(problem)
+    ball = shaded_by(problem)
     if ball is None:
         draw_bare_floor(axes, problem.world)
         return []
+    if isinstance(ball, MeasuredField):
+        return [Bar(draw_field(axes, problem.world, view, ball), printable(f"{ball.name} ({ball.unit})"), False)]
     centre = f", its centre {ball.z:.3g} m high" * heights.vary
     field = draw_field(axes, problem.world, view, ball)
     return [Bar(field, f"obstructed fraction φ (ball of {ball.radius:g} m{centre})", False, "max")]

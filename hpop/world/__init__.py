@@ -3,9 +3,11 @@
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person
 from hpop.world.fields.field import Field
+from hpop.world.fields.measured import MeasuredField
 from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from hpop.world.ground import Ground
+from hpop.world.readers.measured import read_field
 from hpop.world.tracks import Track, read_tracks
 from hpop.world.world import World
 
@@ -16,6 +18,7 @@ __all__ = [
     "Future",
     "Ground",
     "Hull",
+    "MeasuredField",
     "Obstacle",
     "Person",
     "Raster",
@@ -24,5 +27,6 @@ __all__ = [
     "Track",
     "World",
     "pose_at",
+    "read_field",
     "read_tracks",
 ]

@@ -25,6 +25,7 @@ from hpop.errors import MapError
 from hpop.world import readers
 from hpop.world.bodies import LinkRules
 from hpop.world.content.content import Content
+from hpop.world.fields.measured import MeasuredField
 from hpop.world.files import by_names, place_seen_from, places_found_from
 from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, check_size
 from hpop.world.geometry.solids import Solid
@@ -114,6 +115,8 @@ class FromFiles:
 def describe(world: World) -> dict[str, Any]:
     """Return a JSON-able description of a world: the files it came from, else its geometry; see `World.describe`."""
     content = {"content": _lists(world.content.describe())} if world.content.present or world.content.zones else {}
+    if world.fields:
+        content["fields"] = [each.describe() for each in world.fields]
     if world.source is not None:
         return {**_lists(world.source), **content}
     raster, solids = world.raster, [solid.describe() for solid in world.ground.solids]
@@ -151,8 +154,8 @@ def facts(world: World) -> dict[str, str]:
     content = world.content
     solids = world.ground.solids
     prisms = world.obstacles[: len(world.obstacles) - len(solids)]
-    things = (prisms, solids, content.people, content.landmarks, content.zones)
-    names = ("obstacles", "solids", "people", "landmarks", "zones")
+    things = (prisms, solids, content.people, content.landmarks, content.zones, world.fields)
+    names = ("obstacles", "solids", "people", "landmarks", "zones", "fields")
     said |= {name: str(len(some)) for name, some in zip(names, things, strict=True) if some}
     if world.source is not None:
         said["source"] = str(world.source["path"])
@@ -165,6 +168,8 @@ def build(description: Mapping[str, Any]) -> World:
     try:
         if kind == "geometry" or kind in registry.readers:
             world = _from_geometry(description) if kind == "geometry" else _from_files(description, str(kind))
+            if description.get("fields"):
+                world = world.with_fields([MeasuredField.build(each) for each in description["fields"]])
             content = description.get("content")
             if content is None:
                 return world

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -24,6 +24,7 @@ from hpop.world.bodies import LinkRules, closed_bodies
 from hpop.world.content.content import Content, Landmark, Person, Zone
 from hpop.world.description import FromFiles, build, describe, facts, summary
 from hpop.world.fields.field import Field
+from hpop.world.fields.measured import MeasuredField, checked_fields, named_field
 from hpop.world.fields.sampling import obstructed
 from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.planar import FreeSpace, without
@@ -49,6 +50,7 @@ class World(FromCells, FromFiles):
     notes     warnings to print: parts that a reader left out or repaired, and solids that are no upright prisms
     content   people, landmarks and zones; see `with_content`
     link_rules  rules of a planning scene for an arm's links: padding, scale, pairs that may touch
+    fields    quantities that were measured over the floor; see `with_fields`
     source    description of the files that the world was read from, see `describe`; None for other worlds
 
     Values derived from these fields are computed on first use, cached (:mod:`hpop.world.ground`), and not pickled.
@@ -61,6 +63,7 @@ class World(FromCells, FromFiles):
     notes: tuple[str, ...] = ()
     content: Content = field(default_factory=Content)
     link_rules: LinkRules = field(default_factory=LinkRules)
+    fields: Sequence[MeasuredField] = ()
     source: Mapping[str, Any] | None = field(default=None, init=False)
     cache: Cache = field(init=False)
 
@@ -72,7 +75,9 @@ class World(FromCells, FromFiles):
                 "build a world with World.from_geojson(path) or World.from_polygons(polygons)."
             )
         check_area("keep_out", self.keep_out)
-        object.__setattr__(self, "notes", tuple(dict.fromkeys((*self.notes, *self.ground.notes))))
+        measured, said = checked_fields(self.fields, self.ground)
+        object.__setattr__(self, "fields", measured)
+        object.__setattr__(self, "notes", tuple(dict.fromkeys((*self.notes, *self.ground.notes, *said))))
         areas = [self.keep_out, *(zone.area for zone in self.content.zones)]
         if not all(area.is_empty for area in areas):
             check_joinable([*(o.polygon for o in self.obstacles), self.extent, *areas], "the world")
@@ -306,12 +311,16 @@ class World(FromCells, FromFiles):
 
     @property
     def contents(self) -> frozenset[str]:
-        """Return the kinds of content that this world has: "obstacles", "keep_out", and those of `Content.present`."""
+        """Return the kinds of content that this world has: "obstacles", "keep_out", and those of `Content.present`.
+
+        A world with measured fields has "fields", and "field NAME" for each.
+        """
         present = {
             "obstacles": self.obstacles or self.raster is not None,
             "keep_out": not (self.keep_out.is_empty and all(z.kind != "keep-out" for z in self.content.zones)),
         }
-        return frozenset(name for name, is_present in present.items() if is_present) | self.content.present
+        named = {name for each in self.fields for name in ("fields", f"field {each.name}")}
+        return frozenset(name for name, is_present in present.items() if is_present) | self.content.present | named
 
     def with_content(
         self,
@@ -329,7 +338,16 @@ class World(FromCells, FromFiles):
         world = replace(self, content=content)
         return copied(world, source=self.source)
 
+    def with_fields(self, fields: Iterable[MeasuredField]) -> World:
+        """Return the world with these measured fields in place of those it had; `notes` tell what they leave out."""
+        world = replace(self, fields=tuple(fields))
+        return copied(world, source=self.source)
+
     # Fields
+
+    def field(self, name: str = "") -> Field:
+        """Return the measured field with a name, or the only one; MapError if there is no such field."""
+        return named_field(self.fields, name)
 
     def clearance_field(self, *, z: Heights = WHOLE) -> Field:
         """Return the signed clearance as a `Field`: positive in free space, else minus the distance to free space, m.

@@ -110,9 +110,9 @@ class SparseField(Field):
         """All samples (H, W)."""
         return self._field.values
 
-    def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the coefficients of the field at u, v (:meth:`hpop.world.fields.field.Field.coefficients_at`)."""
-        return self._field.coefficients_at(u, v)
+    def quadratics(self, places: FloatArray, out: FloatArray) -> None:
+        """Write the expansions of the field about points (:meth:`hpop.world.fields.field.Field.quadratics`)."""
+        self._field.quadratics(places, out)
 
     def at(self, places: GridPoints) -> Any:
         if places.points is None:
@@ -137,6 +137,9 @@ class SparseWorld(World):
 
     def obstruction_field(self, radius: float, z: float = 0.0) -> Field:
         return self._sparse(("obstruction", radius, z), World.obstruction_field(self, radius, z))
+
+    def field(self, name: str = "") -> Field:
+        return self._sparse(("measured", name), World.field(self, name))
 
     def _sparse(self, key: tuple[Any, ...], field: Field) -> Field:
         fields: dict[tuple[Any, ...], Field] = self.__dict__.setdefault("_sparse_fields", {})

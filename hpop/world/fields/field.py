@@ -12,6 +12,7 @@ A lazy field samples a block when a point in it is first read, so a plan in a la
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -85,7 +86,7 @@ class Field:
 
     def __getstate__(self) -> dict[str, Any]:
         """Return samples, spacing and origin; a copy builds its CasADi function again on first use."""
-        return {"values": self.values, "spacing": self.spacing, "origin": self.origin}
+        return {each.name: getattr(self, each.name) for each in dataclasses.fields(self)}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Restore the field from its samples."""
@@ -113,10 +114,10 @@ class Field:
         """Return the partial derivatives (df/dx, df/dy), per metre, in the world frame; 0 beyond the border."""
         x, y = np.broadcast_arrays(np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64))
         u, v = (np.ravel(at) for at in self._grid(x, y))
-        coefficients, at = self.coefficients_at(u, v), np.stack([u, v], axis=1)
-        last = np.array(coefficients.shape[::-1]) - 2.0
+        at = np.stack([u, v], axis=1)
+        last = np.array(self.__dict__["_coefficients"].shape[::-1]) - 2.0
         out = np.empty((u.size, 8))
-        fields._kernels.quadratics(coefficients, np.clip(at, 1.0, last), out)
+        self.quadratics(np.clip(at, 1.0, last), out)
         rise = out[:, 3:5] * ((at >= 1.0) & (at <= last)) / self.spacing  # (M, 2)
         du, dv = rise.T.reshape(2, *x.shape)
         slopes: tuple[FloatArray, FloatArray] = rotate(du, dv, self.origin[2])
@@ -140,6 +141,13 @@ class Field:
     def coefficients_at(self, u: FloatArray, v: FloatArray) -> FloatArray:
         """Return the padded samples. A lazy field first computes those near the points (M,), given in grid steps."""
         return self.coefficients
+
+    def quadratics(self, places: FloatArray, out: FloatArray) -> None:
+        """Write to ``out`` (M, 8) the expansions about points (M, 2), in grid steps, within the clamped grid.
+
+        See :func:`hpop.world.fields._kernels.quadratics` and :meth:`places`.
+        """
+        fields._kernels.quadratics(self.coefficients_at(*places.T), places, out)
 
     def places(self, x: Column, y: Column) -> GridPoints:
         """Convert CasADi columns, m, to points in grid steps. Fields with equal grids can share the result."""

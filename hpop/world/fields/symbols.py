@@ -19,7 +19,6 @@ import numpy as np
 
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import LimitPassed, check
-from hpop.world.fields import _kernels
 
 if TYPE_CHECKING:
     from hpop.world.fields.field import Field
@@ -110,9 +109,7 @@ class Quadratics(casadi.Callback):
         found = np.frombuffer(results[0], dtype=np.float64).reshape(self._size, 8)
         try:
             check("a field was read")
-            coefficients = self._field.coefficients_at(*places.T)
+            self._field.quadratics(places, found)
         except LimitPassed:
             found[:] = np.nan
-        else:
-            _kernels.quadratics(coefficients, places, found)
         return 0

@@ -235,7 +235,7 @@ def _attributes_read(criterion: Criterion, lattice: StateLattice) -> tuple[froze
             motion_costs(criterion, replace(motions, world=watched))
     except Exception:  # a plugin's criterion may use the world in a way that the stand-in does not support
         return None
-    return frozenset(reads - {"contents"}), frozenset(radii)
+    return frozenset(reads - {"contents", "field"}), frozenset(radii)  # a field is one of the fields, read too
 
 
 def _seeing_change(lattice: StateLattice, before: World, radius: float) -> BoolArray | None:
