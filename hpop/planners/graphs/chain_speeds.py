@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,8 @@ from hpop.criteria.base import Criterion
 from hpop.motions import States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import MotionChains, blocks
-from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
+from hpop.planners.graphs.state_graph import WrappedGraph
+from hpop.planners.graphs.trajectory_graph import Stretches, aggregates
 from hpop.search import Graph
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ PIECES = 64  # work of connecting two configurations, as a multiple of the work 
 
 
 @dataclass(frozen=True, eq=False)
-class ChainSpeedGraph(TrajectoryGraph):
+class ChainSpeedGraph(WrappedGraph):
     """Graph in which each chain of a roadmap of configurations has one of several classes of speed.
 
     If the motions of a chain are equal in two classes, the chain is only in the faster one.
@@ -57,15 +58,6 @@ class ChainSpeedGraph(TrajectoryGraph):
         return SPEED in laws_of(self.model)[kind].extra
 
     @property
-    def is_checked(self) -> bool:
-        """True if all arcs are known to be free of collisions."""
-        return self.inner.is_checked
-
-    def with_checked_arcs(self) -> ChainSpeedGraph:
-        """Return a graph without chains in collision."""
-        return replace(self, inner=self.inner.with_checked_arcs())
-
-    @property
     def size(self) -> int:
         """Number of nodes: each configuration once, and once for each class."""
         return self.inner.size * (1 + len(self._paces))
@@ -83,11 +75,6 @@ class ChainSpeedGraph(TrajectoryGraph):
             return f"at speeds of {', '.join(some)} and {last} m/s"
         kinds = dict.fromkeys(kind for pace in reversed(self._paces) for kind in pace.values())
         return f"each chain at one of {len(self._paces)} speeds ({', '.join(kinds)})"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options that identify the roadmap, JSON-able."""
-        return self.inner.options
 
     @property
     def counts(self) -> dict[str, int]:

@@ -22,7 +22,7 @@ from hpop.errors import QueryError
 from hpop.motions import States, StateSpace
 from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # imported from here by others
-from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.state_graph import StateGraph, WrappedGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
 from hpop.planners.needs import elsewhere
 from hpop.search import Graph
@@ -114,7 +114,7 @@ def matches(space: StateSpace, states: States, end: States) -> BoolArray:
 
 
 @dataclass(frozen=True, eq=False)
-class JoinedEnds(TrajectoryGraph):
+class JoinedEnds(WrappedGraph):
     """Graph of states with additional nodes for a start, goals or stops that do not equal any of its states.
 
     Arcs that connect these nodes (ends) to states, or the start to another end, are called joins.
@@ -278,11 +278,6 @@ class JoinedEnds(TrajectoryGraph):
             columns[name][~inside] = np.array([getattr(end, name)[0] for end in ends])[ids[~inside] - self.inner.size]
         return States(**columns)
 
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Names of the kinds of motions, those of the inner graph."""
-        return self.inner.kinds
-
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Return the search graph with costs; at each node, the arcs of the inner graph come first, then the joins."""
         inner, joins = self.inner.graph(criteria), self.joins
@@ -291,15 +286,6 @@ class JoinedEnds(TrajectoryGraph):
         if is_reused:  # the inner graph stays in memory, and some searches copy its arcs
             self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
-
-    @property
-    def counts(self) -> dict[str, int]:
-        """Numbers that describe the size of the inner graph, for statistics."""
-        return self.inner.counts
-
-    def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs of the inner graph are cached."""
-        return self.inner.costed(criteria)
 
     def costed_in(self, world: World) -> JoinedEnds:
         """Return a graph with the same arcs, whose costs are computed in another world; arcs are not checked again."""

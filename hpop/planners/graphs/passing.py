@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
@@ -22,7 +22,7 @@ from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
 from hpop.motions import States, is_curve, laws_of
 from hpop.planners.graphs.query import Query
-from hpop.planners.graphs.state_graph import ARC
+from hpop.planners.graphs.state_graph import ARC, WrappedGraph
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.plans import GraphOnClock
@@ -118,14 +118,13 @@ def _places(trajectory: Trajectory) -> FloatArray:
 
 
 @dataclass(frozen=True, eq=False)
-class PassingGraph(TrajectoryGraph):
+class PassingGraph(WrappedGraph):
     """Two copies of an inner graph of n nodes, before and after a passage: node v is v in one, n + v in the other.
 
     inner    graph whose arcs are straight moves, or motions in place
     passage  where paths must pass
     """
 
-    inner: TrajectoryGraph
     passage: Passage
 
     @property
@@ -137,16 +136,6 @@ class PassingGraph(TrajectoryGraph):
     def words(self) -> str:
         """Description of the inner graph and of the passage, for certificates."""
         return f"{self.inner.words}, passing {self.passage.words}"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options that identify the inner graph, JSON-able."""
-        return self.inner.options
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Names of the kinds of motions, those of the inner graph."""
-        return self.inner.kinds
 
     @property
     def counts(self) -> dict[str, int]:
@@ -200,11 +189,6 @@ class PassingGraph(TrajectoryGraph):
     def turned(self) -> NDArray[np.int8]:
         """Count (m,) of each arc by which searches break ties: that of the inner graph."""
         return np.concatenate([self.inner.turned, self.inner.turned])
-
-    @property
-    def is_checked(self) -> bool:
-        """True if all arcs of the inner graph are known to be free of collision."""
-        return self.inner.is_checked
 
     def arcs_free(self, arcs: IntArray) -> BoolArray:
         """Return a mask of arcs (N,), given by index: True for those that are free of collision."""

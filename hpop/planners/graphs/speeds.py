@@ -32,7 +32,7 @@ from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.chain_speeds import ChainSpeedGraph
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import JoinCopies, at_speed, needless_nodes
-from hpop.planners.graphs.state_graph import ARC, StateGraph
+from hpop.planners.graphs.state_graph import ARC, StateGraph, WrappedGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import motion_quanta
 from hpop.search import Graph
@@ -73,7 +73,7 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, movi
 
 
 @dataclass(frozen=True, eq=False)
-class SpeedGraph(TrajectoryGraph):
+class SpeedGraph(WrappedGraph):
     """Graph of speeds: layers of an inner graph, and a node for each copy of a join (:class:`.speed_joins.JoinCopies`).
 
     A join is an arc that connects a start, goal or stop to the graph. With L - 1 classes there are L layers, and state
@@ -146,11 +146,6 @@ class SpeedGraph(TrajectoryGraph):
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
         return f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s" if some else self.inner.words
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options that identify the inner graph, JSON-able."""
-        return self.inner.options
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -2,13 +2,15 @@
 
 States with the same position share a place, which has a number. Turns connect the states of one place, and moves
 connect states of different places. Each arc is one motion, so criteria compute its cost as for motions of trajectories.
+
+Here is also the base class of graphs that are made of another one.
 """
 
 from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
@@ -345,3 +347,41 @@ def identity(value: Any) -> Hashable:
     if declared is None or not declared.frozen:
         raise TypeError(f"{type(value).__name__} may change")
     return type(value), *(identity(getattr(value, field.name)) for field in fields(value))
+
+
+@dataclass(frozen=True, eq=False)
+class WrappedGraph(TrajectoryGraph):
+    """Graph made of another one; unless a subclass says otherwise, it has the properties of that one.
+
+    inner  graph that is wrapped
+    """
+
+    inner: TrajectoryGraph
+
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options that identify the inner graph, JSON-able."""
+        return self.inner.options
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Names of the kinds of motions of the inner graph."""
+        return self.inner.kinds
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """Numbers that describe the size of the inner graph, by name."""
+        return self.inner.counts
+
+    @property
+    def is_checked(self) -> bool:
+        """True if all arcs of the inner graph are known to be free of collision."""
+        return self.inner.is_checked
+
+    def with_checked_arcs(self) -> Self:
+        """Return this graph on the inner graph without arcs that collide, of which every arc was checked."""
+        return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
+
+    def costed(self, criteria: Sequence[Criterion]) -> bool:
+        """Return whether the costs of all arcs of the inner graph are cached."""
+        return self.inner.costed(criteria)

@@ -28,7 +28,7 @@ from hpop.goals.tour import Tour
 from hpop.motions import HOLD, Motions, States
 from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import blocks
-from hpop.planners.graphs.state_graph import ARC
+from hpop.planners.graphs.state_graph import ARC, WrappedGraph
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph
 from hpop.planners.objectives import quantised
 from hpop.search import Graph
@@ -38,7 +38,7 @@ NONE = -1
 
 
 @dataclass(frozen=True, eq=False)
-class TourGraph(TrajectoryGraph):
+class TourGraph(WrappedGraph):
     """Graph of a tour: a copy of the inner graph for each layer, and one extra node for each goal.
 
     If the inner graph has n nodes, its node v has the number l * n + v in layer l. The extra nodes come last. A path
@@ -51,7 +51,6 @@ class TourGraph(TrajectoryGraph):
     goals    goal nodes of the inner graph; the extra nodes have the same order
     """
 
-    inner: TrajectoryGraph
     tour: Tour
     members: tuple[IntArray, ...]
     goals: tuple[int, ...]
@@ -70,16 +69,6 @@ class TourGraph(TrajectoryGraph):
     def words(self) -> str:
         """Description of the inner graph, the stops and their order, for certificates."""
         return f"{self.inner.words}, {self.tour.words}"
-
-    @property
-    def options(self) -> dict[str, Any]:
-        """Options that identify the inner graph, JSON-able."""
-        return self.inner.options
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """Names of the kinds of motions, such as "move" and "turn"; the same as in the inner graph."""
-        return self.inner.kinds
 
     @property
     def counts(self) -> dict[str, int]:
@@ -246,15 +235,6 @@ class TourGraph(TrajectoryGraph):
 
     # Checks
 
-    @property
-    def is_checked(self) -> bool:
-        """True if all arcs of the inner graph are known to be free of collision."""
-        return self.inner.is_checked
-
-    def with_checked_arcs(self) -> TourGraph:
-        """Return a tour graph without arcs that collide, of which every arc was checked."""
-        return self if self.is_checked else replace(self, inner=self.inner.with_checked_arcs())
-
     def arcs_free(self, arcs: IntArray) -> BoolArray:
         """Return a mask of arcs (N,), given by index: True for those that are free of collision.
 
@@ -270,10 +250,6 @@ class TourGraph(TrajectoryGraph):
         """Return the tour graph without some blocked arcs (N,), given by index; every layer loses them."""
         origins = self._origins(arcs)
         return replace(self, inner=self.inner.without(np.unique(origins[origins != NONE])))
-
-    def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs of the inner graph are cached."""
-        return self.inner.costed(criteria)
 
     # Trajectories
 
