@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,10 +12,15 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hpop import cli
+from hpop.cli.robots import robot_options
 from hpop.cli.terminal import echo, imports_option, user_errors
+from hpop.errors import OptionError
 
 if TYPE_CHECKING:
     from hpop.live.server import LiveServer
+    from hpop.live.simulator import LiveRobot
+    from hpop.problems.problem import Problem
+    from hpop.simulation import Pedestrians
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -27,7 +33,13 @@ PORT = 8020
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]")
 @click.option("--network", is_flag=True, help="Serve other machines in the network too, over https: needs hpop[serve].")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the record. [out/SCENARIO]")
-@click.option("--delay", type=click.FloatRange(0, 1), default=0.0, metavar="S", help="Delay of commands, s. [0]")
+@click.option(
+    "--delay",
+    type=click.FloatRange(0, 1),
+    default=0.0,
+    metavar="S",
+    help="Time after which a command takes effect, s. [0]",
+)
 @click.option("--slip", type=click.FloatRange(0, 0.5), default=0.0, metavar="SHARE", help="Slip of the wheels. [0]")
 @click.option("--noise", type=click.FloatRange(0, 1), default=0.0, metavar="M", help="Noise of the position, m. [0]")
 @click.option(
@@ -37,6 +49,10 @@ PORT = 8020
     metavar="N",
     help="People who walk about and avoid the robot, in place of those of the scenario: needs hpop[crowd]. [0]",
 )
+@click.option(
+    "--robot", metavar="URL", help="Drive a robot through rosbridge, such as ws://localhost:9090. [a simulated robot]"
+)
+@robot_options
 @imports_option
 @user_errors
 def live(
@@ -46,12 +62,15 @@ def live(
     network: bool = False,
     out: Path | None = None,
     imports: Sequence[str] = (),
-    **simulator: Any,
+    **robot: Any,
 ) -> None:
     """Serve a live session: choose a destination, be offered ways, drive.
 
     SCENARIO is a YAML file; a simulated robot begins at its start. One viewer drives, others watch. Each event is
     recorded at once. Runs until Ctrl-C.
+
+    With --robot, a real one is driven by velocity commands. Stop its other controllers before. The options of topics,
+    types and frames are for such a robot.
     """
     serving = cli.serving
     here = serving.own_address() if network else serving.LOCAL
@@ -65,7 +84,7 @@ def live(
     if replay:
         server = replay_of(scenario, **options)
     else:
-        server = server_of(scenario, out or Path("out", scenario.stem), imports, simulator, **options)
+        server = server_of(scenario, out or Path("out", scenario.stem), imports, robot, **options)
     with server:
         if not replay:
             echo(f"drive: {server.address(here)}")
@@ -81,32 +100,57 @@ def server_of(
     scenario: Path,
     out: Path,
     imports: Sequence[str] = (),
-    simulator: dict[str, Any] | None = None,
+    robot: Mapping[str, Any] = {},  # not changed
     *,
     name: str = "",
     **options: Any,
 ) -> LiveServer:
     """Return the server of a live session, and create its record: a new file in the folder ``out``.
 
-    name       of the record; default: one from the present time
-    simulator  options of :class:`hpop.live.simulator.SimulatorOptions`
-    options    arguments of :class:`.LiveServer`
+    robot    options of :class:`hpop.live.simulator.SimulatorOptions`, or ``robot``, the address of rosbridge, and
+             fields of :class:`hpop.ros.FollowInterface`
+    name     of the record; default: one from the present time
+    options  arguments of :class:`.LiveServer`
     """
     from hpop.live.process import PlannerProcess
     from hpop.live.record import Record
     from hpop.live.scene import scene_of
     from hpop.live.server import LiveServer
     from hpop.live.session import LiveSession
-    from hpop.live.simulator import SimulatorOptions
     from hpop.scenario import load_scenario
 
     cli.user_code.register(imports)
-    problem, simulated = load_scenario(scenario).problem, SimulatorOptions(**(simulator or {}))
+    problem = load_scenario(scenario).problem
+    driven, people, about = _robot_of(problem, robot)
     scene = scene_of(problem, scenario.stem)
     name = name or time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
-    record = Record(out / name, {"scenario": str(scenario), "simulator": vars(simulated), "scene": scene})
-    session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), simulated)
+    record = Record(out / name, {"scenario": str(scenario), "simulator": about, "scene": scene})
+    session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), driven, people)
     return LiveServer(session, **options)
+
+
+def _robot_of(problem: Problem, options: Mapping[str, Any]) -> tuple[LiveRobot, Pedestrians, dict[str, Any]]:
+    """Return the robot of a session, the people around it, and its options for the record."""
+    from hpop.live.bridged import RosRobot, SeenPeople
+    from hpop.live.simulator import LiveRobot, SimulatorOptions, people_of
+    from hpop.ros import FollowInterface
+
+    given = {key: value for key, value in options.items() if value is not None}
+    known, url = {field.name for field in fields(SimulatorOptions)}, given.pop("robot", None)
+    simulated = {key: given.pop(key) for key in known & given.keys()}
+    if url is None:
+        if given:
+            option = f"--{next(iter(given)).replace('_', '-')}"
+            raise OptionError(f"{option} is for a robot over rosbridge; give its address with --robot, or leave it out")
+        made = SimulatorOptions(**simulated)
+        values = dict(zip(problem.model.space.names, problem.start, strict=True))
+        pose = (values["x"], values["y"], values["yaw"])
+        return LiveRobot.simulated(problem.model, pose, made), people_of(problem, made), vars(made)
+    delay = simulated.pop("delay", 0.0)
+    if wrong := next((key for key, value in simulated.items() if value), None):
+        raise OptionError(f"--{wrong} is for the simulated robot; leave it out with --robot")
+    robot = RosRobot(problem, url, FollowInterface(**given), delay=delay, say=echo)
+    return robot, SeenPeople(robot.base), {"robot": url, "delay": delay, **given}
 
 
 def replay_of(record: Path, **options: Any) -> LiveServer:

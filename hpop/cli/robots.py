@@ -129,14 +129,27 @@ NUMBERS = {
 }
 
 
-def follow_options(command: Any) -> Any:
-    """Add the options of topics, their types, and limits to a command; defaults are those of the library."""
-    for name, (unit, words) in reversed(NUMBERS.items()):
-        command = click.option(f"--{name}", type=float, metavar=unit, help=words)(command)
+FRAMES = {
+    "frame-id": "Frame of the map and of goals. [map]",
+    "base-frame": "Frame of the robot, whose pose tf tells. [base_link]",
+}
+
+
+def robot_options(command: Any) -> Any:
+    """Add the options of frames, topics and their types to a command; defaults are those of the library."""
     for name, words in reversed(TYPES.items()):
         command = click.option(f"--{name}-type", metavar="TYPE", help=words)(command)
     for name, words in reversed(TOPICS.items()):
         command = click.option(f"--{name}-topic", metavar="NAME", help=words)(command)
+    for name, words in reversed(FRAMES.items()):
+        command = click.option(f"--{name}", metavar="NAME", help=words)(command)
+    return command
+
+
+def limit_options(command: Any) -> Any:
+    """Add the options of a follower's limits to a command; defaults are those of the library."""
+    for name, (unit, words) in reversed(NUMBERS.items()):
+        command = click.option(f"--{name}", type=float, metavar=unit, help=words)(command)
     return command
 
 
@@ -149,10 +162,9 @@ def follow_options(command: Any) -> Any:
     "--choice", metavar="NAME", help="Trajectory to take: knee, or a criterion, such as 'fewest turns'. [knee]"
 )
 @click.option("--asks", is_flag=True, help="After a stop, wait until an option is taken on the topic take.")
-@click.option("--frame-id", metavar="NAME", help="Frame of the map and of goals. [map]")
-@click.option("--base-frame", metavar="NAME", help="Frame of the robot, whose pose tf tells. [base_link]")
 @click.option("--rate", type=float, metavar="HZ", help="Commands a second. [20]")
-@follow_options
+@robot_options
+@limit_options
 @imports_option
 @user_errors
 def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, **given: Any) -> None:

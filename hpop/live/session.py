@@ -14,11 +14,11 @@ from typing import Any
 from hpop.live.messages import WATCHING
 from hpop.live.process import PlannerProcess
 from hpop.live.record import Record, utc
-from hpop.live.simulator import LiveRobot, SimulatorOptions, ToldPeople, people_of
+from hpop.live.simulator import LiveRobot, ToldPeople
 from hpop.live.viewer import Audience, Viewer
 from hpop.models.execution import clearance_radius
 from hpop.problems.problem import Problem
-from hpop.simulation import Walking
+from hpop.simulation import Pedestrians, Walking
 from hpop.trajectories.trajectory import Trajectory
 
 TICK = 0.02
@@ -43,15 +43,10 @@ SEEN = 1.5
 """Least time, s, between two predictions of the people."""
 PREDICTED = 4.0
 """Time, s, after which people are predicted anew."""
-LOOKS = tuple(0.2 * i for i in range(1, 8))
-"""Moments of a look ahead at people, as shares of the time to brake."""
 BEFORE_PEOPLE = 0.15
 """Distance, m, that the robot keeps from people when it brakes before them."""
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
-
-
-EXACT = SimulatorOptions()
 
 
 class LiveSession(Audience):
@@ -59,8 +54,10 @@ class LiveSession(Audience):
 
     problem   of the scenario: map, robot, start and people
     scene     message "scene" without the role
-    planner   returns the client of the planner's process, given the function that takes the planner's messages
     record    file to which the events are written
+    planner   returns the client of the planner's process, given the function that takes the planner's messages
+    robot     robot that is driven
+    people    people around it
     """
 
     def __init__(
@@ -69,14 +66,13 @@ class LiveSession(Audience):
         scene: Mapping[str, Any],
         record: Record,
         planner: Callable[[Callable[[dict[str, Any]], None]], PlannerProcess],
-        simulator: SimulatorOptions = EXACT,
+        robot: LiveRobot,
+        people: Pedestrians,
     ) -> None:
         super().__init__(scene)
         self.problem, self.record, self.record_path = problem, record, record.path
         self.planner = planner(self._planned)
-        values = dict(zip(problem.model.space.names, problem.start, strict=True))
-        self.robot = LiveRobot(problem.model, (values["x"], values["y"], values["yaw"]), simulator)
-        self._pedestrians = people_of(problem, simulator)
+        self.robot, self._pedestrians = robot, people
         self._told_people = ToldPeople()
         self.reach = clearance_radius(problem.model, 0.0)
         self.driver: Viewer | None = None
@@ -89,6 +85,7 @@ class LiveSession(Audience):
         self._goal: dict[str, Any] | None = None
         self._closed: dict[str, Any] | None = None  # corners of closed areas by name; None before any change
         self._areas = 0
+        self._told_areas: Mapping[str, list[list[float]]] = {}
         self._pushed_at = 0.0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
         self._has_arrived, self._announced = True, 0
@@ -103,9 +100,10 @@ class LiveSession(Audience):
         self.begin()
         planner = asyncio.create_task(self.planner.run())
         try:
-            while not planner.done():
-                self.step(self.now)
-                await asyncio.sleep(TICK)
+            with self.robot.running():
+                while not planner.done():
+                    self.step(self.now)
+                    await asyncio.sleep(TICK)
             await planner
         finally:
             planner.cancel()
@@ -138,6 +136,7 @@ class LiveSession(Audience):
             self.record.add(now, "state", {k: v for k, v in self.state(now).items() if k not in ("type", "at", "t")})
         self._renew(now)
         self._see_people(now)
+        self._see_areas()
 
     def state(self, now: float) -> dict[str, Any]:
         """Return the message "state": pose, people, index of the present plan among the ways, why the robot brakes."""
@@ -226,6 +225,8 @@ class LiveSession(Audience):
             case "setting":
                 if values["name"] in self.settings:
                     self.settings[values["name"]] = values["value"]
+            case "destination" if self.robot.base.measured is None:
+                self.note("the robot does not know where it is; ask again when it does")
             case "destination":
                 self._goal = values
                 self._see_people(now, wanted=True)
@@ -277,8 +278,7 @@ class LiveSession(Audience):
                     "may be lost: look at what is closed, then choose a way"
                 )
             case "lost":
-                self.stopped = self._is_planless = True  # closed areas would not be avoided any more
-                self.note("the robot has left its plan and stops; choose a destination anew")
+                self._leave_plan()
             case "place":
                 self._repeats = 0
                 self.tell(message)
@@ -308,6 +308,11 @@ class LiveSession(Audience):
         self.robot.follow(trajectory, elapsed, arrives=message["arrives"])
         self._has_arrived = self._announced = self._is_planless = False
         self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
+
+    def _leave_plan(self) -> None:
+        """Stop, because the robot has left its plan: closed areas would not be avoided any more."""
+        self.stopped = self._is_planless = True
+        self.note("the robot has left its plan and stops; choose a destination anew")
 
     def _ready(self) -> None:
         """Tell a planner that has just started what is closed and where to go."""
@@ -339,6 +344,17 @@ class LiveSession(Audience):
             self._told_people.keep(self.people, now)
             self._ask("people", people=self.people)
 
+    def _see_areas(self) -> None:
+        """Tell the planner which areas are blocked on the map of the robot."""
+        areas, told = self.robot.areas, self._told_areas
+        if areas == told or not self.planner.is_ready:
+            return
+        self._told_areas = areas
+        for name in told.keys() - areas.keys():
+            self._ask("open", area=name)
+        for name in areas.keys() - told.keys():
+            self._ask("close", area=areas[name], name=name)
+
     # The robot
 
     def _why_braked(self, now: float) -> str:
@@ -355,25 +371,15 @@ class LiveSession(Audience):
             return "stopped"
         if not self.planner.is_ready:
             return "the planner is being started"
-        return "a person is in the way" if not self._has_arrived and self._is_in_the_way() else ""
-
-    def _is_in_the_way(self) -> bool:
-        """Return whether the robot would come too near to a person, as they walk now, before it could stand.
-
-        A robot that drives away from a person does not brake.
-        """
+        if self.robot.is_astray and not self._has_arrived and not self._is_planless:
+            self._ask("arrived")  # the drive ends
+            self._leave_plan()
+            return "stopped"
+        if trouble := self.robot.trouble():
+            self.stopped = self.stopped or (self.robot.is_lost and not self._has_arrived)
+            return trouble
         least = self.reach + self._pedestrians.radius + BEFORE_PEOPLE
-        here = self.robot.base.pose
-        for px, py, vx, vy in self.people:
-            gap = math.hypot(px - here[0], py - here[1])
-            for seconds in LOOKS:
-                later = seconds * self.robot.braking
-                x, y = self.robot.ahead(later)
-                then = math.hypot(px + later * vx - x, py + later * vy - y)
-                stays = math.hypot(px + later * vx - here[0], py + later * vy - here[1])
-                if then < min(least, stays, gap):
-                    return True
-        return False
+        return "a person is in the way" if not self._has_arrived and self.robot.meets(self.people, least) else ""
 
     def _announce(self) -> None:
         """Announce the next turn once, some seconds before it begins."""

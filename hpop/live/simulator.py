@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from hpop.drive.options import perceived_motions
 from hpop.models.execution import clearance_radius
 from hpop.motions import Model
 from hpop.problems.problem import Problem
-from hpop.simulation import Crowd, DriveLimits, Pedestrians, SimulatedBase, TrackedPeople, Tracker, Walking
+from hpop.simulation import Command, Crowd, DriveLimits, Pedestrians, SimulatedBase, TrackedPeople, Tracker, Walking
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
@@ -28,6 +29,8 @@ SAMPLED = 0.02
 """Time between the poses of a plan that are compared with the robot's, s."""
 SAME = 1e-3
 """Distance, m, up to which two places count as one."""
+LOOKS = tuple(0.2 * i for i in range(1, 8))
+"""Moments of a look ahead at people, as shares of the time to brake."""
 STILL = 1e-3
 """Speed, m/s or rad/s, below which the robot stands."""
 KEEPS = 0.1
@@ -63,28 +66,80 @@ class AnnouncedTurn(NamedTuple):
     angle: float
 
 
-class LiveRobot:
-    """Simulated robot that follows plans, and brakes when it is told to; then its plan waits.
+class Base(Protocol):
+    """Base of a robot, which obeys velocity commands; poses are (x m, y m, yaw rad). Times are s of a session."""
 
+    @property
+    def pose(self) -> Pose:
+        """True pose, as well as it is known."""
+
+    @property
+    def measured(self) -> Pose | None:
+        """Measured pose; None if none has come lately."""
+
+    @property
+    def velocity(self) -> Command:
+        """Speed, m/s, and turn rate, rad/s."""
+
+    def command(self, v: float, w: float, t: float) -> None:
+        """Send a command at a time: speed, m/s, and turn rate, rad/s."""
+
+    def advance(self, t: float) -> None:
+        """Move on to a time."""
+
+
+class LiveRobot:
+    """Robot that follows plans, and brakes when it is told to; then its plan waits.
+
+    base     its base, which obeys commands after ``delay``, s
     turns    turns of the present plan
     arrives  whether the present plan leads to the destination
     braking  s, that braking from the largest speed takes
     """
 
-    def __init__(self, model: Model, pose: Pose, options: SimulatorOptions) -> None:
-        self.base = SimulatedBase(model, pose, options.delay, options.slip, options.noise, options.seed)
+    def __init__(self, model: Model, base: Base, delay: float = 0.0) -> None:
+        self.base = base
         limits = DriveLimits.of(model)
         self.braking = limits.speed / limits.acceleration
         self.turns: tuple[AnnouncedTurn, ...] = ()
         self.arrives = False
-        self._delay = options.delay
+        self._delay = delay
         self._tracker: Tracker | None = None
         self._zero, self._now = 0.0, 0.0  # session's time at which the plan began, and now
+
+    @classmethod
+    def simulated(cls, model: Model, pose: Pose, options: SimulatorOptions) -> LiveRobot:
+        """Return a robot with a simulated base, which stands at a pose."""
+        base = SimulatedBase(model, pose, options.delay, options.slip, options.noise, options.seed)
+        return cls(model, base, options.delay)
+
+    @property
+    def areas(self) -> Mapping[str, list[list[float]]]:
+        """Corners (x, y), m, by name, of blocked areas that the scenario does not have."""
+        return {}
+
+    def running(self) -> AbstractContextManager[None]:
+        """Return a context in which the robot runs."""
+        return nullcontext()
+
+    @property
+    def is_lost(self) -> bool:
+        """Return whether there is no connection to the robot."""
+        return False
+
+    @property
+    def is_astray(self) -> bool:
+        """Return whether the robot is too far off its plan to follow it."""
+        return False
+
+    def trouble(self) -> str:
+        """Return in words why the robot cannot drive now; "" if it can."""
+        return ""
 
     @property
     def pose(self) -> Pose:
         """Measured pose: x m, y m, yaw rad."""
-        x, y, yaw = self.base.measured
+        x, y, yaw = self.base.measured or self.base.pose
         return x, y, float(wrap(yaw))
 
     @property
@@ -127,7 +182,7 @@ class LiveRobot:
         times = np.append(np.arange(0.0, done.duration, SAMPLED), done.duration)
         times = times[np.abs(times - np.clip(elapsed, 0.0, done.duration)) <= NEAR]
         states = done.at(times)
-        here = self.base.measured
+        here = self.pose
         off = np.hypot(states.x - here[0], states.y - here[1]) + np.abs(wrap(states.yaw - here[2]))
         near = np.flatnonzero(off <= off.min() + SAME)
         return float(times[near[-1] if self.stands else near[np.argmin(np.abs(times[near] - elapsed))]])
@@ -137,6 +192,23 @@ class LiveRobot:
         if self._tracker is None:
             return self.base.pose[:2]
         return self._tracker.at(self.clock + seconds)[:2]
+
+    def meets(self, people: Sequence[Walking], least: float) -> bool:
+        """Return whether the robot would come too near to a person, as they walk now, before it could stand.
+
+        A robot that drives away from a person does not meet them. ``least`` is the distance of the centres, m.
+        """
+        here = self.base.pose
+        for px, py, vx, vy in people:
+            gap = math.hypot(px - here[0], py - here[1])
+            for seconds in LOOKS:
+                later = seconds * self.braking
+                x, y = self.ahead(later)
+                then = math.hypot(px + later * vx - x, py + later * vy - y)
+                stays = math.hypot(px + later * vx - here[0], py + later * vy - here[1])
+                if then < min(least, stays, gap):
+                    return True
+        return False
 
     def advance(self, now: float, *, brakes: bool) -> None:
         """Move on to the time ``now`` of the session, s, and follow the plan, or brake and stand if ``brakes``."""

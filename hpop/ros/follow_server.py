@@ -1,6 +1,6 @@
-"""Follower over rosbridge: Nav2's navigation actions, topics of poses, maps and people in, velocity commands out.
+"""Robots over rosbridge: topics of poses, maps and people in, velocity commands out; and Nav2's navigation actions.
 
-:class:`FollowServer` is what a :class:`.Bridge` connects.
+:class:`RobotServer` is what a :class:`.Bridge` connects; :class:`FollowServer` also offers the actions.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from hpop.ros import protocol
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
 from hpop.ros.messages import Message
-from hpop.ros.navigation import FollowInterface, Hearing
+from hpop.ros.navigation import FollowInterface, Hearing, Listener
 from hpop.ros.protocol import GoalStatus, MessageServer
 from hpop.runtime.status import log
 from hpop.simulation.tracking import Command
@@ -28,12 +28,99 @@ MOST_BYTES = 2**25  # largest incoming message: a map of 8 million cells as JSON
 TOLD = 0.2  # s between messages of the state and of feedback
 
 
+class RobotServer(MessageServer):
+    """Server that commands a robot over a bridge: it hears the topics of ``known``, and sends velocity commands.
+
+    A thread sends commands at the rate of ``known``, from :meth:`begin` on. When the connection is lost the base must
+    stop by itself, as it gets no commands.
+
+    listener  is told what the robot's topics say
+    known     names of topics and frames
+    say       called with a line of text for each event
+    told, heard, actions  topics that are published and subscribed to, and offered actions, with their types
+    """
+
+    def __init__(self, listener: Listener, known: FollowInterface, *, say: Callable[[str], None]) -> None:
+        super().__init__(say=say, most_bytes=MOST_BYTES)
+        self.known, self.hearing = known, Hearing(listener, known)
+        self.told, self.heard = known.told, known.heard
+        self.actions: dict[str, str] = {}
+        self._closed = Event()
+        self._thread = Thread(target=self._run, name="hpop-ros-commands", daemon=True)
+
+    def greetings(self) -> list[Message]:
+        """Return the messages that open a connection."""
+        return [
+            *({"op": "advertise", "topic": topic, "type": kind} for topic, kind in self.told.items()),
+            *({"op": "subscribe", "topic": topic, "type": kind} for topic, kind in self.heard.items()),
+            *({"op": "advertise_action", "action": action, "type": kind} for action, kind in self.actions.items()),
+        ]
+
+    def farewells(self) -> list[Message]:
+        """Return the messages that end a connection; the first one commands the robot to stand."""
+        known = self.known
+        return [
+            self.publication(known.cmd_topic, known.twist(Command(0.0, 0.0), 0)),
+            *({"op": "unadvertise_action", "action": action} for action in self.actions),
+            *({"op": "unsubscribe", "topic": topic} for topic in self.heard),
+            *({"op": "unadvertise", "topic": topic} for topic in self.told),
+        ]
+
+    def ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
+        """Return the methods that handle incoming messages, by the message's ``op``."""
+        return {"publish": self._heard}
+
+    def begin(self) -> None:
+        """Begin to send commands."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """Send nothing more, and end the thread."""
+        self._closed.set()
+        self._thread.join(10.0)
+
+    def turn(self, now: float) -> Command | None:
+        """Return the command at a time, s; None for none. Called at the rate of ``known`` while there is a connection.
+
+        After an error the robot is commanded to stand.
+        """
+        raise NotImplementedError
+
+    def failed(self, error: Exception) -> None:
+        """Report an error in :meth:`turn`, which is a bug."""
+        log.exception("following failed")
+        self.remark(f"following failed ({type(error).__name__}: {error})")
+
+    def _heard(self, message: Mapping[str, Any]) -> None:
+        self.hearing.hear(str(message.get("topic")), message.get("msg"), monotonic())
+
+    def _run(self) -> None:
+        """Send commands at a fixed rate, until closed."""
+        period, due = 1.0 / self.known.rate, monotonic()
+        while not self._closed.wait(max(0.0, due - monotonic())):
+            now = monotonic()
+            due = max(due + period, now)
+            if not self.is_connected:
+                continue
+            try:
+                command = self.turn(now)
+            except Exception as error:
+                self.failed(error)
+                command = Command(0.0, 0.0)
+            if command is not None:
+                self.tell(self.publication(self.known.cmd_topic, self.known.twist(command, time_ns())))
+
+    @staticmethod
+    def publication(topic: str, message: Message) -> Message:
+        """Return the message that publishes a message on a topic."""
+        return {"op": "publish", "topic": topic, "msg": message}
+
+
 @checked_arguments
-class FollowServer(MessageServer):
+class FollowServer(RobotServer):
     """Action server that drives a robot to goals over a bridge.
 
-    A thread sends commands at the rate of ``known``. A new goal aborts the one before. When the connection is lost the
-    goal is given up; the base must stop by itself then, as it gets no commands.
+    A new goal aborts the one before. When the connection is lost the goal is given up.
 
     Parameters
     ----------
@@ -51,55 +138,33 @@ class FollowServer(MessageServer):
         *,
         say: Callable[[str], None],
     ) -> None:
-        super().__init__(say=say, most_bytes=MOST_BYTES)
-        self.known = known
         self._executor = ThreadPoolExecutor(1, "hpop-ros-planning")
         self.follower = Follower(planner, settings, self._executor, say=say)
-        self.hearing = Hearing(self.follower, known)
-        self._actions: dict[str, str] = {}  # of the goals whose results are still to be sent
-        self._closed = Event()
-        self._thread = Thread(target=self._run, name="hpop-ros-commands", daemon=True)
-        self._thread.start()
+        super().__init__(self.follower, known, say=say)
+        self.actions = known.actions
+        self._open: dict[str, str] = {}  # actions of the goals whose results are still to be sent
+        self._state_sent = -math.inf
+        self.begin()
 
     @property
     def offers(self) -> str:
         """Offered actions, for a line of text."""
         return f"goals of {' and '.join(self.known.actions)} are driven"
 
-    def greetings(self) -> list[Message]:
-        """Return the messages that open a connection."""
-        known = self.known
-        return [
-            *({"op": "advertise", "topic": topic, "type": kind} for topic, kind in known.told.items()),
-            *({"op": "subscribe", "topic": topic, "type": kind} for topic, kind in known.heard.items()),
-            *({"op": "advertise_action", "action": action, "type": kind} for action, kind in known.actions.items()),
-        ]
-
-    def farewells(self) -> list[Message]:
-        """Return the messages that end a connection; the first one commands the robot to stand."""
-        known = self.known
-        return [
-            self._publication(known.cmd_topic, known.twist(Command(0.0, 0.0), 0)),
-            *({"op": "unadvertise_action", "action": action} for action in known.actions),
-            *({"op": "unsubscribe", "topic": topic} for topic in known.heard),
-            *({"op": "unadvertise", "topic": topic} for topic in known.told),
-        ]
-
     def ops(self) -> Mapping[str, Callable[[Mapping[str, Any]], None]]:
         """Return the methods that handle incoming messages, by the message's ``op``."""
-        return {"send_action_goal": self._accept, "cancel_action_goal": self._cancel, "publish": self._heard}
+        return {**super().ops(), "send_action_goal": self._accept, "cancel_action_goal": self._cancel}
 
     def lost(self) -> None:
         """Give up the goal, and forget poses and transforms, after the connection is lost."""
         self.follower.drop()
         self.hearing.reset()
-        self._actions.clear()
+        self._open.clear()
 
     def close(self) -> None:
         """Stop following and end the threads."""
-        self._closed.set()
         self.follower.drop()
-        self._thread.join(10.0)
+        super().close()
         self._executor.shutdown(wait=False, cancel_futures=True)
 
     def _accept(self, message: Mapping[str, Any]) -> None:
@@ -111,15 +176,12 @@ class FollowServer(MessageServer):
         except RosError as error:
             self._send_result(action, Ended(goal, False, str(error)))
             raise
-        self._actions[goal] = action
+        self._open[goal] = action
         self.follower.follow(goal, poses, monotonic())
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
         self._checked_action(message)
         self.follower.cancel(protocol.goal_id(message))
-
-    def _heard(self, message: Mapping[str, Any]) -> None:
-        self.hearing.hear(str(message.get("topic")), message.get("msg"), monotonic())
 
     def _checked_action(self, message: Mapping[str, Any]) -> str:
         action = message.get("action")
@@ -129,50 +191,37 @@ class FollowServer(MessageServer):
             )
         return str(action)
 
-    def _run(self) -> None:
-        """Send commands at a fixed rate, and the state now and then, until closed."""
-        period, told = 1.0 / self.known.rate, -math.inf
-        due = monotonic()
-        while not self._closed.wait(max(0.0, due - monotonic())):
-            now = monotonic()
-            due = max(due + period, now)
-            if not self.is_connected:
-                continue
-            try:
-                step = self.follower.step(now)
-            except Exception as error:  # a bug: the robot stands, and the goal ends
-                log.exception("following failed")
-                self.remark(f"following failed ({type(error).__name__}: {error})")
-                self.follower.drop()
-                self.tell(self._publication(self.known.cmd_topic, self.known.twist(Command(0.0, 0.0), time_ns())))
-                continue
-            if step.command is not None:
-                self.tell(self._publication(self.known.cmd_topic, self.known.twist(step.command, time_ns())))
-            for event in step.events:
-                self._send_event(event)
-            if now - told >= TOLD:
-                told = now
-                self._send_state(self.follower.state(now))
+    def turn(self, now: float) -> Command | None:
+        """Return the command at a time, s; send what has happened, and the state now and then."""
+        step = self.follower.step(now)
+        for event in step.events:
+            self._send_event(event)
+        if now - self._state_sent >= TOLD:
+            self._state_sent = now
+            self._send_state(self.follower.state(now))
+        return step.command
+
+    def failed(self, error: Exception) -> None:
+        """Report a bug, and give up the goal."""
+        super().failed(error)
+        self.follower.drop()
 
     def _send_state(self, state: Message) -> None:
-        self.tell(self._publication(self.known.own("state"), {"data": protocol.encoded(state)}))
-        action = self._actions.get(state["goal"])
+        self.tell(self.publication(self.known.own("state"), {"data": protocol.encoded(state)}))
+        action = self._open.get(state["goal"])
         if action is not None:
             values = self.known.feedback(action, state)
             self.tell(protocol.action_feedback(action, state["goal"], values))
 
     def _send_event(self, event: Ended | Planned) -> None:
         if isinstance(event, Ended):
-            self._send_result(self._actions.pop(event.goal, self.known.action), event)
+            self._send_result(self._open.pop(event.goal, self.known.action), event)
             return
-        self.tell(self._publication(self.known.own("options"), {"data": protocol.encoded(event.options)}))
+        self.tell(self.publication(self.known.own("options"), {"data": protocol.encoded(event.options)}))
         if event.path is not None:
-            self.tell(self._publication(self.known.own("path"), event.path))
+            self.tell(self.publication(self.known.own("path"), event.path))
 
     def _send_result(self, action: str, ended: Ended) -> None:
         failed = GoalStatus.CANCELED if ended.canceled else GoalStatus.ABORTED
         status = GoalStatus.SUCCEEDED if ended.reached else failed
         self.tell(protocol.action_result(action, ended.goal, status, self.known.result(action, ended)))
-
-    def _publication(self, topic: str, message: Message) -> Message:
-        return {"op": "publish", "topic": topic, "msg": message}

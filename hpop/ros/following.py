@@ -16,10 +16,9 @@ from threading import Event, RLock
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.arrays import FloatArray
 from hpop.base.text import printable, shown
 from hpop.errors import HpopError, RosError
-from hpop.motions import States
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
 from hpop.ros.follow_plans import Ended, FollowGoal, FollowPlanner, FollowSettings, FollowStep, Planned
@@ -28,7 +27,7 @@ from hpop.ros.observations import FilterScale, OccupancyGrid
 from hpop.ros.paths import path_message
 from hpop.ros.planning import choice_of, chosen_row, options_of
 from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure
-from hpop.ros.sighting import CHECKED, Sighting
+from hpop.ros.sighting import Sighting, StatesAhead
 from hpop.simulation.tracking import Command, DriveLimits, Tracker
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -42,30 +41,26 @@ SLOWEST = 0.05  # m/s, least speed limit of a mask that is kept
 
 @dataclass(eq=False)
 class _UnderWay:
-    """Plan under way: its tracking law, when it began, s, and its executed states (n,), `CHECKED` s apart.
+    """Plan under way: its tracking law, when it began, s, and its executed states (n,).
 
-    far   (n,) m, length of the plan's path up to each state
-    open  (n,) whether no obstacle or closed area blocks the state; None if it is to be checked, as after a new map
+    far  (n,) m, length of the plan's path up to each state
     """
 
     tracker: Tracker
     begin: float
-    states: States
+    ahead: StatesAhead
     far: FloatArray
-    open: BoolArray | None = None
 
     @classmethod
     def of(cls, trajectory: Trajectory, delay: float, begin: float) -> _UnderWay:
         """Return the plan along a trajectory, whose robot leaves at ``begin``, s, and obeys after ``delay``, s."""
-        run = trajectory.execution()
-        states = run.at(np.minimum(np.arange(0.0, run.duration + CHECKED, CHECKED), run.duration))
-        far = np.append(0.0, np.cumsum(np.hypot(np.diff(states.x), np.diff(states.y))))
-        return cls(Tracker(trajectory, delay=delay), begin, states, far)
+        ahead = StatesAhead.of(trajectory)
+        far = np.append(0.0, np.cumsum(np.hypot(np.diff(ahead.states.x), np.diff(ahead.states.y))))
+        return cls(Tracker(trajectory, delay=delay), begin, ahead, far)
 
-    def place(self, now: float) -> int:
-        """Return the index of the state at which the robot should be at ``now``, s."""
-        clock = self.tracker.clock(max(0.0, now - self.begin))
-        return min(int(clock / CHECKED), self.states.size - 1)
+    def clock(self, now: float) -> float:
+        """Return the time of the plan, s, at which the robot should be at ``now``, s."""
+        return self.tracker.clock(max(0.0, now - self.begin))
 
 
 @dataclass(eq=False)
@@ -137,16 +132,12 @@ class Follower:
         self.seen.mapped(grid)
         with self._lock:
             self._next_try = -math.inf
-            if self._run is not None:
-                self._run.open = None
 
     def filtered(self, mask: OccupancyGrid, scale: FilterScale) -> None:
         """Take the mask of a costmap filter: areas to keep out of, or speed limits."""
         self.seen.filtered(mask, scale)
         with self._lock:
             self._next_try = -math.inf
-            if self._run is not None:
-                self._run.open = None
 
     def halt(self, stopped: bool) -> None:
         """Stop the robot, or let it go again."""
@@ -229,7 +220,8 @@ class Follower:
             if run is not None:
                 t, tracker = max(0.0, now - run.begin), run.tracker
                 doing = "stopping" if tracker.stopping else "driving"
-                time, length = tracker.duration - tracker.clock(t), float(run.far[-1] - run.far[run.place(now)])
+                time = tracker.duration - tracker.clock(t)
+                length = float(run.far[-1] - run.far[run.ahead.index(run.clock(now))])
                 late, off = tracker.late, 0.0 if pose is None else tracker.off(t, pose[:3])
             return {
                 "state": doing,
@@ -279,20 +271,13 @@ class Follower:
             return self.seen.missing(now)
         if (off := run.tracker.off(now - run.begin, pose[:3])) > self.settings.off:
             return f"{off:.2f} m off the plan"
-        begin = run.place(now)
-        end = min(begin + math.ceil(self._time_to_stop() / CHECKED) + 1, run.states.size)
-        if self.seen.meets_people(run.states.take(np.arange(begin, end)), pose, now, self.settings.near):
+        clock, stops = run.clock(now), self.limits.time_to_stop + self.settings.reaction
+        if self.seen.meets_people(run.ahead.soon(clock, stops), pose, now, self.settings.near):
             return "a person is within the stopping distance"
-        if run.open is None:
-            run.open = self.seen.free(run.states)
-        if not run.open[begin:end].all():
+        soon, later = run.ahead.blocked(self.seen, clock, stops)
+        if soon:
             return "an obstacle is within the stopping distance"
-        return "" if run.open[end:].all() else "the map closes the plan"
-
-    def _time_to_stop(self) -> float:
-        """Return the time, s, in which the robot stops from its largest speeds, plus the reaction time."""
-        of = self.limits
-        return max(of.speed / of.acceleration, of.turn_rate / of.turn_acceleration) + self.settings.reaction
+        return "the map closes the plan" if later else ""
 
     def _brake(self, why: str) -> None:
         assert self._run is not None

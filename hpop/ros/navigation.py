@@ -7,18 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, Protocol
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.options import one_of, real
 from hpop.base.text import shown
 from hpop.errors import OptionError, RosError
 from hpop.ros.follow_plans import Ended
-from hpop.ros.following import Follower
 from hpop.ros.messages import SECOND, Message, PlanarPose, header, mapping, planar_pose, pose_message, stamp, time_of
 from hpop.ros.observations import FilterScale, MessageAge, OccupancyGrid, PeopleSeen, Transforms
 from hpop.ros.protocol import FIELDS, FRAME, NAME, POSES, TEXT
 from hpop.simulation.tracking import Command
+from hpop.world import Person
 
 TF = "tf2_msgs/msg/TFMessage"
 COMMANDS = ("geometry_msgs/msg/Twist", "geometry_msgs/msg/TwistStamped")
@@ -174,11 +174,33 @@ class FollowInterface:
         return {"header": header(now, self.base_frame), "twist": told} if stamped else told
 
 
+class Listener(Protocol):
+    """Follower as far as :class:`Hearing` tells it what ROS says; see :class:`.Follower`. Times are in s."""
+
+    def located(self, pose: PlanarPose, at: float) -> None:
+        """Take the pose of the robot."""
+
+    def saw(self, people: Sequence[Person], at: float) -> None:
+        """Take all people who are seen."""
+
+    def mapped(self, grid: OccupancyGrid) -> None:
+        """Take a map."""
+
+    def filtered(self, mask: OccupancyGrid, scale: FilterScale) -> None:
+        """Take the mask of a costmap filter."""
+
+    def halt(self, stopped: bool) -> None:
+        """Stop the robot, or let it go again."""
+
+    def take(self, option: str, now: float) -> None:
+        """Take an option."""
+
+
 @checked_arguments
 class Hearing:
     """Receiver of ROS messages, which passes each to a follower by its topic; used with rosbridge and rclpy."""
 
-    def __init__(self, follower: Follower, known: FollowInterface) -> None:
+    def __init__(self, follower: Listener, known: FollowInterface) -> None:
         self.follower, self.known = follower, known
         self.reset()
 

@@ -247,17 +247,28 @@ def with_grid(world: World, grid: OccupancyGrid | None, mask: OccupancyGrid | No
     farther than a cell from its obstacles are closed to the robot; what the map shows as free stays as it is. In both,
     cells of the mask from `LETHAL` percent are closed.
     """
-    content, closed = world.content, []
+    content = world.content
     if grid is not None and world.raster is not None and not world.obstacles:
         world = _of_cells(world, grid)
-    elif grid is not None:
-        new = grid.cells >= OCCUPIED
-        new[new] = world.clearance(*grid.centres(new)) > grid.resolution
-        closed += [grid.area(new)] if new.any() else []
-    if mask is not None and (lethal := mask.cells >= LETHAL).any():
-        closed.append(mask.area(lethal))
+        grid = None
+    closed = new_areas(world, grid, mask)
     zones = [*content.zones, *(Zone("keep-out", area) for area in closed)]
     return world.with_content(people=content.people, groups=content.groups, landmarks=content.landmarks, zones=zones)
+
+
+def new_areas(world: World, grid: OccupancyGrid | None, mask: OccupancyGrid | None) -> list[BaseGeometry]:
+    """Return the areas, m, of the cells of a map and a keep-out mask that are occupied or closed.
+
+    Cells of the map that are at most a cell from an obstacle of ``world`` are left out.
+    """
+    areas = []
+    if grid is not None:
+        new = grid.cells >= OCCUPIED
+        new[new] = world.clearance(*grid.centres(new)) > grid.resolution
+        areas += [grid.area(new)] if new.any() else []
+    if mask is not None and (lethal := mask.cells >= LETHAL).any():
+        areas.append(mask.area(lethal))
+    return areas
 
 
 def _of_cells(world: World, grid: OccupancyGrid) -> World:

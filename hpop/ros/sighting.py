@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ from hpop.motions import States
 from hpop.ros.messages import PlanarPose
 from hpop.ros.observations import FilterScale, OccupancyGrid, with_grid
 from hpop.ros.planning import GoalPlanner
+from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World
 
 CHECKED = 0.05  # s between the poses of the plan that are checked ahead of the robot
@@ -90,6 +91,12 @@ class Sighting:
             return tuple(person.later(max(0.0, at - seen)) for person in people)
         return tuple(Person(person.x + ABSENT, person.y) for person in own[:1])  # for criteria that need one
 
+    def people_here(self, now: float) -> tuple[Person, ...]:
+        """Return the people of the last message, as predicted for now; none after `PEOPLE_LAST` s."""
+        if self._people is None or now - self._people[1] > PEOPLE_LAST:
+            return ()
+        return tuple(person.later(max(0.0, now - self._people[1])) for person in self._people[0])
+
     def world_with_people(self, at: float) -> World:
         """Return the world with its people, as predicted for a time, s."""
         content = self.world.content
@@ -108,12 +115,10 @@ class Sighting:
         ``soon`` are its planned states (n,) from now on, `CHECKED` s apart. Each person may walk on as now, or
         stop: both are checked. Without a message of people for `PEOPLE_LAST` s, the result is False.
         """
-        if self._people is None or now - self._people[1] > PEOPLE_LAST:
-            return False
         times = CHECKED * np.arange(soon.size, dtype=np.float64)
         here = self.planner.state_at(pose).take(np.zeros(soon.size, np.int64))
         parts = self.planner.problem.model.platform
-        for person in (one.later(max(0.0, now - self._people[1])) for one in self._people[0]):
+        for person in self.people_here(now):
             for vx, vy in {person.velocity, (0.0, 0.0)}:
                 x, y = person.x + vx * times, person.y + vy * times
                 moving, standing = (_gaps(parts, states, x, y) - person.radius for states in (soon, here))
@@ -130,6 +135,44 @@ class Sighting:
             return math.inf
         mask, scale = self._speeds
         return scale.speed(mask.value_at(pose.x, pose.y), cruise)
+
+
+@dataclass(eq=False)
+class StatesAhead:
+    """Executed states (n,) of a plan, `CHECKED` s apart, that are compared with obstacles and people as last seen."""
+
+    states: States
+    _world: World | None = None
+    _free: BoolArray | None = None
+
+    @classmethod
+    def of(cls, trajectory: Trajectory) -> StatesAhead:
+        """Return the executed states of a trajectory."""
+        run = trajectory.execution()
+        return cls(run.at(np.minimum(np.arange(0.0, run.duration + CHECKED, CHECKED), run.duration)))
+
+    def index(self, clock: float) -> int:
+        """Return the index of the state at a time of the plan, s."""
+        return min(max(int(clock / CHECKED), 0), self.states.size - 1)
+
+    def end(self, clock: float, seconds: float) -> int:
+        """Return the index after the states up to some seconds after a time of the plan, s."""
+        return min(self.index(clock) + math.ceil(seconds / CHECKED) + 1, self.states.size)
+
+    def soon(self, clock: float, seconds: float) -> States:
+        """Return the states of the plan from a time on, for some seconds."""
+        return self.states.take(np.arange(self.index(clock), self.end(clock, seconds)))
+
+    def blocked(self, seen: Sighting, clock: float, seconds: float) -> tuple[bool, bool]:
+        """Return whether an obstacle or closed area blocks the plan within some seconds from a time of it, and later.
+
+        ``seconds`` is the time in which the robot can stop.
+        """
+        if self._free is None or self._world is not seen.world:  # a new map has come
+            self._world = seen.world
+            self._free = seen.free(self.states)
+        begin, end = self.index(clock), self.end(clock, seconds)
+        return not self._free[begin:end].all(), not self._free[end:].all()
 
 
 def _gaps(parts: Sequence[Any], states: States, x: FloatArray, y: FloatArray) -> FloatArray:

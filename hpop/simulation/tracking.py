@@ -83,6 +83,11 @@ class DriveLimits:
         base = cast(Wheeled, model)
         return cls(speed, acceleration, *rates, base.wheel_base, base.wheel_speed, base.wheel_acceleration)
 
+    @property
+    def time_to_stop(self) -> float:
+        """Time, s, in which the base stops from its largest speeds."""
+        return max(self.speed / self.acceleration, self.turn_rate / self.turn_acceleration)
+
     def reached(self, last: Command, v: float, w: float, step: float) -> Command:
         """Return the command towards (v, w) that the base reaches from the ``last`` one within ``step`` seconds.
 

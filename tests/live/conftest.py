@@ -62,10 +62,10 @@ class Page:
 
 
 @contextmanager
-def served(folder: Path, scenario: str = ROOM) -> Iterator[LiveServer]:
+def served(folder: Path, scenario: str = ROOM, **robot: Any) -> Iterator[LiveServer]:
     file = folder / "room.yaml"
     file.write_text(scenario)
-    with server_of(file, folder / "out", ()) as server:
+    with server_of(file, folder / "out", (), robot) as server:
         thread = Thread(target=server.serve_forever)
         thread.start()
         try:

@@ -39,6 +39,7 @@ def driven(page: Page) -> None:
     page.say("destination", x=6.0, y=4.0)
     page.until("place", lambda place: place["status"] == "reachable")
     page.say("take", option=page.until("options")["cards"][0]["option"])
+    page.until("taken")
     page.until("state", lambda state: state["moving"])
 
 
@@ -127,7 +128,7 @@ def test_a_crash_of_the_planner_is_told_and_the_drive_can_go_on(server: LiveServ
 def test_a_simulated_base_that_nobody_commands_brakes_by_itself() -> None:
     """As after Ctrl-Z of the server: the pause may be long, the way is that of the watchdog and of braking."""
     model = DifferentialDrive(radius=0.2)
-    robot = LiveRobot(model, (0.0, 0.0, 0.0), SimulatorOptions())
+    robot = LiveRobot.simulated(model, (0.0, 0.0, 0.0), SimulatorOptions())
     robot.follow(Trajectory.from_poses(model, [(0, 0, 0), (50, 0, 0)]), 0.0, arrives=True)
     for i in range(201):
         robot.advance(0.02 * i, brakes=False)

@@ -140,6 +140,13 @@ def plans() -> None:
     said["options"] = until(lambda: heard["options"]) and json.loads(heard["options"][-1].data)["names"]
 
 
-{"drives": drives, "plans": plans}[sys.argv[1]]()
+def obeys() -> None:
+    """Obey commands until the robot stands at (5, 2)."""
+    publish_map([])
+    said["reached"] = until(lambda: math.dist((robot.x, robot.y), (5.0, 2.0)) < 0.1 and robot.v == robot.w == 0.0)
+    said["last"] = (robot.x, robot.y)
+
+
+{"drives": drives, "plans": plans, "obeys": obeys}[sys.argv[1]]()
 json.dump(said, sys.stdout)
 rclpy.shutdown()

@@ -10,7 +10,9 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import fields
 from inspect import signature
@@ -21,6 +23,7 @@ import pytest
 import shapely
 
 from hpop.ros import GoalPlanner, Interface, PlanarPose
+from tests.live.conftest import Page, served
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples/ros2"
@@ -152,11 +155,14 @@ def test_the_planner_plans_in_rclpy(tmp_path: Path) -> None:
     assert found[""] == found["knee"]  # by the pose that tf tells
 
 
-@pytest.mark.proof
-@pytest.mark.parametrize(
-    ("command", "what", "check"), [("plan", "plans", check_plans), ("follow", "drives", check_drive)]
-)
-def test_hpop_ros_serves_a_robot_through_the_real_rosbridge(command, what, check, tmp_path: Path) -> None:
+def listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
+
+
+@contextmanager
+def rosbridge(folder: Path) -> Iterator[str]:
+    """Run the real rosbridge, and yield its address once it listens."""
     python, environment = ros_python()
     script = os.environ.get("HPOP_ROSBRIDGE")
     if not script:
@@ -165,8 +171,36 @@ def test_hpop_ros_serves_a_robot_through_the_real_rosbridge(command, what, check
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     bridge = [python, script, "--ros-args", "-p", f"port:={port}", "-p", "address:=127.0.0.1"]
-    scenario, url = str(scenario_in(tmp_path)), f"ws://127.0.0.1:{port}"
-    serve = [sys.executable, "-m", "hpop", "ros", command, scenario, "--url", url]
-    here = os.environ | {"PYTHONPATH": str(ROOT)}
-    with running(bridge, environment, tmp_path / "bridge.log"), running(serve, here, tmp_path / "serve.log"):
-        check(robot_says(what, tmp_path))
+    with running(bridge, environment, folder / "bridge.log"):
+        last = time.monotonic() + 60.0
+        while not listens(port):
+            assert time.monotonic() < last, (folder / "bridge.log").read_text()
+            time.sleep(0.2)
+        yield f"ws://127.0.0.1:{port}"
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize(
+    ("command", "what", "check"), [("plan", "plans", check_plans), ("follow", "drives", check_drive)]
+)
+def test_hpop_ros_serves_a_robot_through_the_real_rosbridge(command, what, check, tmp_path: Path) -> None:
+    with rosbridge(tmp_path) as url:
+        serve = [sys.executable, "-m", "hpop", "ros", command, str(scenario_in(tmp_path)), "--url", url]
+        with running(serve, os.environ | {"PYTHONPATH": str(ROOT)}, tmp_path / "serve.log"):
+            check(robot_says(what, tmp_path))
+
+
+@pytest.mark.proof
+def test_a_viewer_of_a_live_session_drives_a_robot_through_the_real_rosbridge(tmp_path: Path) -> None:
+    scenario_in(tmp_path)
+    text = SCENARIO.replace("path: hall.yaml", f"path: {tmp_path / 'hall.yaml'}")
+    with rosbridge(tmp_path) as url, ThreadPoolExecutor(1) as pool, served(tmp_path, text, robot=url) as server:
+        found = pool.submit(robot_says, "obeys", tmp_path)
+        page = Page(server.address())
+        page.until("note", lambda note: note["words"] == "the map is prepared")
+        page.until("state", lambda state: state["braked"] == "" and abs(state["x"] - 1.0) < 0.01)
+        page.say("destination", x=5.0, y=2.0)
+        page.say("take", option=page.until("options")["cards"][0]["option"])
+        page.until("arrived")
+        assert found.result(60)["reached"]
+        page.close()
