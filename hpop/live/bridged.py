@@ -39,8 +39,8 @@ FAREWELL = 1.0
 """Time, s, for the last messages, after the robot has braked."""
 
 
-class _Surroundings(Sighting):
-    """What the robot tells of itself and its surroundings.
+class RobotSighting(Sighting):
+    """Latest knowledge of the robot and its surroundings, as it tells them.
 
     halted    whether its own topic has stopped it
     areas     corners (x, y), m, by name, of areas that are blocked on its map or mask, but not in the scenario
@@ -87,7 +87,7 @@ class RosBase(RobotServer):
     """
 
     def __init__(self, problem: Problem, known: FollowInterface, *, say: Callable[[str], None]) -> None:
-        self.seen = _Surroundings(GoalPlanner(problem, (), Interface(frame_id=known.frame_id)))
+        self.seen = RobotSighting(GoalPlanner(problem, (), Interface(frame_id=known.frame_id)))
         super().__init__(self.seen, known, say=say)
         self.told = {known.cmd_topic: known.cmd_type}
         del self.heard[known.own("take")]
@@ -142,7 +142,7 @@ class RosBase(RobotServer):
 
 
 class SeenPeople:
-    """People whom the robot tells of."""
+    """People around the robot, as it tells them."""
 
     radius = RADIUS
 

@@ -66,7 +66,7 @@ class AnnouncedTurn(NamedTuple):
     angle: float
 
 
-class Base(Protocol):
+class CommandedBase(Protocol):
     """Base of a robot, which obeys velocity commands; poses are (x m, y m, yaw rad). Times are s of a session."""
 
     @property
@@ -97,7 +97,7 @@ class LiveRobot:
     braking  s, that braking from the largest speed takes
     """
 
-    def __init__(self, model: Model, base: Base, delay: float = 0.0) -> None:
+    def __init__(self, model: Model, base: CommandedBase, delay: float = 0.0) -> None:
         self.base = base
         limits = DriveLimits.of(model)
         self.braking = limits.speed / limits.acceleration

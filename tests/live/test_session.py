@@ -35,6 +35,7 @@ def page(server: LiveServer) -> Iterator[Page]:
 
 def driven(page: Page) -> None:
     """Drive to a place in the room, until the robot moves."""
+    page.until("state")  # after the messages of before
     page.say("go")
     page.say("destination", x=6.0, y=4.0)
     page.until("place", lambda place: place["status"] == "reachable")
