@@ -298,12 +298,12 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 def driven_speeds(trajectory: Trajectory) -> str:
     """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" without any.
 
-    For a robot that chooses among laws, such as an arm, these are the kinds of motion that it chooses: "reach_0.5".
+    For a robot that chooses among laws, such as an arm, the kinds of motion that it chooses follow: "reach_0.5".
     """
-    if chosen := {kind for pace in trajectory.model.paces for kind in pace.values()}:
-        return " ".join(sorted(chosen.intersection(trajectory.kinds))) or "-"
-    speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1)))
-    return " ".join(f"{speed:g}" for speed in speeds.tolist() if speed > 0.0) or "-"
+    chosen = {kind for pace in trajectory.model.paces for kind in pace.values()}
+    speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1))) if trajectory.model.speed_classes else np.zeros(1)
+    driven = [f"{speed:g}" for speed in speeds.tolist() if speed > 0.0]
+    return " ".join([*driven, *sorted(chosen.intersection(trajectory.kinds))]) or "-"
 
 
 class MostRows(NamedTuple):

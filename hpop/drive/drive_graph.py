@@ -19,7 +19,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
-from hpop.drive.known_paths import KnownRoutes
+from hpop.drive.known_paths import KnownRoutes, places_of_nodes
 from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
@@ -139,8 +139,7 @@ class DriveGraph:
     @cached_property
     def closed(self) -> BoolArray:
         """Mask (m,) of the closed arcs of the graph, including arcs that join start and goal to it."""
-        chains = self.query.space.one_layer.joins
-        inner = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_)
+        inner, chains = np.zeros(self.inner.arcs.heads.size, dtype=np.bool_), self.query.space.one_layer.joins
         for mask in self.masks:
             inner[mask] = True
         if chains is None:
@@ -199,8 +198,6 @@ class DriveGraph:
                     columns.add(j)
         return columns
 
-    # Nodes and known paths
-
     @cached_property
     def _finder(self) -> KDTree:
         """Search tree of all states of the graph without start and goal; angles are points on a circle."""
@@ -220,7 +217,9 @@ class DriveGraph:
         same = np.ones(nearest.size, dtype=np.bool_)
         for name, off in space.differences(own, states_there).items():
             same &= np.abs(off) <= (HEADING_TOLERANCE if name in space.angles else UNMOVED)
-        return np.where(same, self.query.space.in_layer(nearest, speed_of(own if at_rest else states)), -1)
+        speeds = speed_of(own if at_rest else states)
+        same &= speeds >= -len(self.query.space.slower_turns)  # such turns are on the graph
+        return np.where(same, self.query.space.in_layer(nearest, speeds), -1)
 
     def beginning(self, state: States) -> int:
         """Return the node of the start at the speed of a state (1,)."""
@@ -237,10 +236,11 @@ class DriveGraph:
         if not trajectories:
             return []
         columns = {n: [getattr(t.states, n) for t in trajectories] for n in self.inner.model.space.names}
-        columns[SPEED] = [speed_of(t.states) for t in trajectories]
+        places, columns[SPEED] = map(list, zip(*map(places_of_nodes, trajectories), strict=True))
+        columns |= {n: [c[at] for c, at in zip(columns[n], places, strict=True)] for n in columns if n != SPEED}
         nodes = self.nodes(States(**{name: np.concatenate(each) for name, each in columns.items()}))
-        ends = np.cumsum([len(t) + 1 for t in trajectories])
-        return [self._arcs_along(own) for own in np.split(nodes, ends[:-1])]
+        each = np.split(nodes, np.cumsum([at.size for at in places])[:-1])
+        return [(arcs, at[i]) for at, (arcs, i) in zip(places, map(self._arcs_along, each), strict=True)]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
         """Return the arcs of a trajectory from its start on; None if it leaves the graph, or if an arc is closed."""
@@ -259,7 +259,8 @@ class DriveGraph:
         nodes = nodes[places]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
         if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
-            longest = 3 + 2 * (self.query.space.one_layer is not self.query.space)  # with changes of speed
+            space = self.query.space
+            longest = 3 + 2 * (space.one_layer is not space) + 4 * bool(space.slower_turns)  # with changes of speed
             for last in range(nodes.size - 2, max(nodes.size - 2 - longest, -1), -1):
                 final = self._join_to_goal(int(nodes[last])) if nodes[last] >= 0 else final
                 if final.size:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.closings import Closing
@@ -153,3 +153,16 @@ def of_remaining(candidates: Candidates, problem: Problem) -> Candidates:
     """Return candidates with the problem's criteria, which count missed stops among those that remain in its tour."""
     own = {criterion.name: criterion for criterion in problem.criteria if problem.tour is not None}
     return replace(candidates, objectives=tuple(own.get(c.name, c) for c in candidates.objectives))
+
+
+def places_of_nodes(trajectory: Trajectory) -> tuple[IntArray, FloatArray]:
+    """Return the states of a trajectory at its nodes (N,), by index, and the speeds (N,), m/s, of these nodes.
+
+    The ends of a turn of a slower class have two nodes each: one at rest, and one with minus the number of the class.
+    """
+    number = {kind: -i for i, pace in enumerate(trajectory.model.paces[:-1], 1) for kind in pace.values()}
+    classes = np.array([number.get(kind, 0) for kind in trajectory.kinds], np.float64)
+    slow = np.flatnonzero(classes)
+    before_end = np.repeat(slow + 1, 2)  # both further nodes lie between the two states of the turn
+    places = np.insert(np.arange(len(trajectory) + 1), before_end, np.stack([slow, slow + 1], axis=1).ravel())
+    return places, np.insert(speed_of(trajectory.states), before_end, np.repeat(classes[slow], 2))

@@ -88,7 +88,7 @@ def next_turn(trajectory: Trajectory, t: float) -> float | None:
     later = [
         time
         for time, kind in zip(trajectory.times.tolist(), trajectory.kinds, strict=False)
-        if kind == "turn" and time > t
+        if kind.startswith("turn") and time > t
     ]
     return later[0] if later else None
 

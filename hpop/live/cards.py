@@ -75,7 +75,7 @@ def line_of(trajectory: Trajectory) -> list[list[float]]:
 
 def turns_of(trajectory: Trajectory) -> int:
     """Return the number of turns that a person aboard perceives."""
-    return sum(motion.kind == "turn" for motion in perceived_motions(trajectory))
+    return sum(motion.kind.startswith("turn") for motion in perceived_motions(trajectory))
 
 
 def described(ways: Ways) -> list[dict[str, Any]]:
@@ -231,7 +231,7 @@ def first_turn(trajectory: Trajectory) -> str:
     """Return the first turn of a way in words: "turns left by 45 degrees after 1.2 s", or "goes straight on"."""
     yaw = trajectory.model.space.names.index("yaw")
     for motion in perceived_motions(trajectory):
-        if motion.kind == "turn":
+        if motion.kind.startswith("turn"):
             side = "left" if motion.change[yaw] > 0 else "right"
             when = f" after {motion.begin:.1f} s" if motion.begin > 0.05 else ""
             return f"turns {side} by {abs(math.degrees(motion.change[yaw])):.0f} degrees{when}"

@@ -153,6 +153,8 @@ class DifferentialDrive(PlanarModel):
                                (:mod:`hpop.models.speeds`); None for the one ``speed``
     acceleration       m/s²    of straight moves
     turn_rate          rad/s   of turns in place
+    turn_rates         rad/s   one rate, or a list of rising rates of turns in place, among which a plan chooses at each
+                               turn; ``turn_rate`` is then the largest. None for the one ``turn_rate``
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
     view               "fixed": the picture turns with the base; "unwound": software turns the picture of a 360-degree
@@ -181,16 +183,17 @@ class DifferentialDrive(PlanarModel):
     view_yaw: Angle = 0.0
     field_of_view: FieldOfView | None = None
     speeds: float | tuple[float, ...] | None = None
+    turn_rates: float | tuple[float, ...] | None = None
 
     def __post_init__(self) -> None:
-        if self.speeds is not None:
-            speeds = checked_speeds(self.speeds, SLOWEST)
-            if self.speed not in (type(self).speed, speeds[-1]):
-                raise ModelError(
-                    f"speed is the largest of speeds, {speeds[-1]:g}, got {shown(self.speed)}; leave it out"
-                )
-            object.__setattr__(self, "speed", speeds[-1])
-            object.__setattr__(self, "speeds", speeds if len(speeds) > 1 else None)
+        for one, several, unit in (("speed", "speeds", "m/s"), ("turn_rate", "turn_rates", "rad/s")):
+            if getattr(self, several) is None:
+                continue
+            speeds, own = checked_speeds(getattr(self, several), SLOWEST, several, unit), getattr(self, one)
+            if own not in (getattr(type(self), one), speeds[-1]):
+                raise ModelError(f"{one} is the largest of {several}, {speeds[-1]:g}, got {shown(own)}; leave it out")
+            object.__setattr__(self, one, speeds[-1])
+            object.__setattr__(self, several, speeds if len(speeds) > 1 else None)
         lengths = ("radius", "body_height", "camera_height", "mast_radius", "wheel_base")
         rates = ("speed", "acceleration", "turn_rate", "turn_acceleration")
         set_reals(self, *lengths, least=LEAST, most=LONGEST, kind="a positive length in m", error=ModelError)
@@ -216,21 +219,40 @@ class DifferentialDrive(PlanarModel):
 
     @property
     def speed_classes(self) -> tuple[float, ...]:  # type: ignore[override]  # of its parameters
-        """Speeds, m/s, among which straight moves choose; () for one speed."""
-        return self.speeds if isinstance(self.speeds, tuple) else ()
+        """Speeds, m/s, among which straight moves choose; () for one speed and one turn rate."""
+        return self.speeds if isinstance(self.speeds, tuple) else (self.speed,) * bool(self.turn_rates)
+
+    @property
+    def _turns(self) -> dict[str, float]:
+        """Rate, rad/s, of each law of turns by the ending of its name, from slow to fast; "" is the fastest."""
+        *slower, fastest = self.turn_rates if isinstance(self.turn_rates, tuple) else (self.turn_rate,)
+        return {**{f"_{rate:g}": rate for rate in slower}, "": fastest}
+
+    @property
+    def paces(self) -> tuple[Mapping[str, str], ...]:
+        """Kinds of turns among which a plan chooses, as mappings {"turn": kind}, from slow to fast; () for one."""
+        return tuple({"turn": f"turn{rate}"} for rate in self._turns) if self.turn_rates else ()
+
+    @property
+    def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # depends on the turn rates
+        """The kind of law by which the robot executes motions of each planned kind."""
+        return {"move": "run", **{f"turn{rate}": f"spin{rate}" for rate in self._turns}}
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
         """Motion laws by kind: planned ("move", "turn"), executed ("run", "spin"), and for curves ("drive").
 
-        A robot with several speeds also has the law "speed_change".
+        A robot with several speeds also has the law "speed_change", one with several turn rates also turns at slower
+        rates, such as "turn_0.5" and "spin_0.5".
         """
-        loss = 0.0 if self.speed_classes else self.speed / self.acceleration
+        loss, change = 0.0 if self.speed_classes else self.speed / self.acceleration, self.turn_acceleration
+        turns = {f"turn{name}": Turn(rate, change, loss, f"turn{name}") for name, rate in self._turns.items()}
+        spins = {f"spin{name}": Spin(rate, change, f"spin{name}") for name, rate in self._turns.items()}
         return {
             "move": Move(self.speed),
-            "turn": Turn(self.turn_rate, self.turn_acceleration, loss),
+            **turns,
             "run": Run(self.speed, self.acceleration),
-            "spin": Spin(self.turn_rate, self.turn_acceleration),
+            **spins,
             "drive": Drive(),
             **(speed_laws(self.speed_classes, self.acceleration) if self.speed_classes else {}),
         }

@@ -212,12 +212,13 @@ class MobileArm(OnBase, Model):
 
     @property
     def paces(self) -> tuple[Mapping[str, str], ...]:
-        """Speeds for whole motions: each speed of the base with each share of the arm's speeds; () for one pair.
+        """Speeds for whole motions: each speed and turn rate of the base with each share of the arm's; () for one.
 
         Each is a mapping from kinds of motion to the kinds that replace them, from slow to fast.
         """
-        runs = [{self._run: kind} for kind in self._run_speeds] or [{}]
-        both = tuple({**run, **reach} for run in runs for reach in self.arm.paces or [{}])
+        runs, name = [{self._run: kind} for kind in self._run_speeds] or [{}], self.base.executed
+        turns = [{name.get(a, a): name.get(b, b) for a, b in pace.items()} for pace in self.base.paces] or [{}]
+        both = tuple({**run, **turn, **reach} for turn in turns for run in runs for reach in self.arm.paces or [{}])
         return both if len(both) > 1 else ()
 
     @cached_property

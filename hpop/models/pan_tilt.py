@@ -216,9 +216,15 @@ class PanTilt(OnBase, PlanarModel):
         return self.base.speed_classes
 
     @property
+    def paces(self) -> tuple[Mapping[str, str], ...]:
+        """Kinds of turns of the base, and of "unwind", among which a plan chooses, from slow to fast; () for one."""
+        return tuple({**pace, "unwind": f"unwind{_ending(pace)}"} for pace in self.base.paces)
+
+    @property
     def executed(self) -> Mapping[str, str]:  # type: ignore[override]  # of its base
         """The kind of law by which the robot executes motions of each planned kind, of base and head."""
-        return {**self.base.executed, "pan": "swivel", "tilt": "nod", "unwind": "counterspin"}
+        unwound = {f"unwind{rate}": f"counterspin{rate}" for rate in ("", *map(_ending, self.base.paces))}
+        return {**self.base.executed, "pan": "swivel", "tilt": "nod", **unwound}
 
     @cached_property
     def space(self) -> StateSpace:
@@ -239,22 +245,22 @@ class PanTilt(OnBase, PlanarModel):
         """Motion laws of the base, except its curves, and of the head."""
         loss = self._turn.loss if self._turn else 0.0
         pan, tilt = (self.pan_rate, self.pan_acceleration), (self.tilt_rate, self.tilt_acceleration)
-        turn = self._turn
-        both = (
-            None
-            if turn is None
-            else (min(turn.turn_rate, self.pan_rate), min(turn.turn_acceleration, self.pan_acceleration))
-        )
-        laws: dict[str, Law | None] = {kind: law for kind, law in self.base.laws.items() if not is_curve(law)}
-        laws |= {
+        unwind, counterspin = dict[str, Law](), dict[str, Law]()
+        for rate in dict.fromkeys(("", *map(_ending, self.base.paces))):
+            turn = self.base.laws.get(f"turn{rate}")
+            if isinstance(turn, Turn):
+                both = min(turn.turn_rate, self.pan_rate), min(turn.turn_acceleration, self.pan_acceleration)
+                unwind[f"unwind{rate}"] = Unwind(*both, loss, kind=f"unwind{rate}")
+                counterspin[f"counterspin{rate}"] = Unwind(*both, kind=f"counterspin{rate}")
+        given: dict[str, Law] = {kind: law for kind, law in self.base.laws.items() if not is_curve(law)}
+        given |= {
             "pan": JointMove("pan", "pan", *pan, loss),
             "tilt": JointMove("tilt", "tilt", *tilt, loss),
-            "unwind": None if both is None else Unwind(*both, loss),
+            **unwind,
             "swivel": JointMove("swivel", "pan", *pan),
             "nod": JointMove("nod", "tilt", *tilt),
-            "counterspin": None if both is None else Unwind(*both, kind="counterspin"),
+            **counterspin,
         }
-        given = {kind: law for kind, law in laws.items() if law is not None}
         executed = {kind: law for kind, law in given.items() if kind in self.executed.values()}
         return given | ramps_of(executed, given.get(CHANGE), self.speed_classes)
 
@@ -326,6 +332,11 @@ class PanTilt(OnBase, PlanarModel):
         """Return a mask (M,) of motions with a possible fault of base or speed, or with a head beyond a stop."""
         wrong = self.base.doubtful(law, start, end) | super().doubtful(law, start, end)
         return wrong | doubtful_ramps(law, start, end)
+
+
+def _ending(pace: Mapping[str, str]) -> str:
+    """Return the ending by which a pace's kind of turns differs from "turn", such as "_0.5"; "" for the fastest."""
+    return pace.get("turn", "turn").removeprefix("turn")
 
 
 def _view_change(motions: Motions) -> tuple[Column, Column]:

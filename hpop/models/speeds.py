@@ -131,14 +131,18 @@ def speed_laws(speeds: Sequence[float], acceleration: float) -> dict[str, Law]:
     }
 
 
-def checked_speeds(speeds: Any, least: float) -> tuple[float, ...]:
-    """Return the speed classes, m/s, rising, from a number or a list of numbers; raise ModelError for others."""
+def checked_speeds(speeds: Any, least: float, name: str = "speeds", unit: str = "m/s") -> tuple[float, ...]:
+    """Return the speed classes, rising, from a number or a list of numbers; raise ModelError for others.
+
+    name, unit  the option with the classes, and their unit, for messages
+    """
     given: Any = [speeds] if isinstance(speeds, int | float | np.number) else speeds
-    wrong = f"speeds must be one speed, or a list of up to {MOST_CLASSES} rising speeds in m/s, got {shown(speeds)}"
+    kind = name.replace("_", " ")
+    wrong = f"{name} must be one number, or a list of up to {MOST_CLASSES} rising {kind} in {unit}, got {shown(speeds)}"
     given = given.tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(given, list | tuple) or not 1 <= len(given) <= MOST_CLASSES:
         raise ModelError(wrong)
-    values = tuple(float(real("speeds", v, least, MOST, "speeds in m/s, each", error=ModelError)) for v in given)
+    values = tuple(float(real(name, v, least, MOST, f"{kind} in {unit}, each", error=ModelError)) for v in given)
     if any(b <= a for a, b in pairwise(values)):
         raise ModelError(f"{wrong}; sort them, and give each once")
     return values
@@ -339,13 +343,13 @@ def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str
         yield f"speeds up or brakes harder than {hardest:g} m/s² in motion {i}"
 
 
-def neighbouring(count: int) -> IntArray:
+def neighbouring(count: int, turns: int = 0) -> IntArray:
     """Return the allowed changes between ``count`` speed classes, as pairs (c, 2) of numbers, from and to.
 
     0 is rest; 1 to ``count`` are the classes, rising. Allowed are changes between rest and any class, and between
-    classes next to each other.
+    classes next to each other. The next ``turns`` numbers are slower classes of turns, each next to rest only.
     """
     every = range(1, count + 1)
-    pairs = [pair for i in every for pair in ((0, i), (i, 0))]
+    pairs = [pair for i in range(1, count + turns + 1) for pair in ((0, i), (i, 0))]
     pairs += [pair for i, j in pairwise(every) for pair in ((i, j), (j, i))]
     return np.array(pairs, np.int64)

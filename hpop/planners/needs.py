@@ -66,9 +66,8 @@ def people_move(problem: Problem) -> bool:
 
 
 def _speeds_text(model: Model) -> str:
-    if model.paces:
-        return ", ".join(dict.fromkeys(kind for pace in model.paces for kind in pace.values()))
-    return f"{', '.join(f'{speed:g}' for speed in model.speed_classes)} m/s"
+    speeds = [f"{', '.join(f'{speed:g}' for speed in model.speed_classes)} m/s"] if model.speed_classes else []
+    return ", ".join([*speeds, *dict.fromkeys(kind for pace in model.paces for kind in pace.values())])
 
 
 def refuse_moving(problem: Problem, what: str) -> None:

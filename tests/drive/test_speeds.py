@@ -47,7 +47,11 @@ class Room:
         rng = self.rng = np.random.default_rng(seed)
         self.closed: list[Any] = []
         self.robot = hpop.DifferentialDrive(
-            radius=RADIUS, speeds=[(0.5, 1.0), (0.25, 0.8, 1.5)][seed % 2], acceleration=float(rng.choice([0.5, 2.0]))
+            radius=RADIUS,
+            camera_offset=(0.1, 0.0),  # beside the axis, a slower turn is felt less
+            speeds=[(0.5, 1.0), (0.25, 0.8, 1.5)][seed % 2],
+            turn_rates=[(0.8, 1.5), 1.5, (0.3, 0.8, 1.5)][seed % 3],
+            acceleration=float(rng.choice([0.5, 2.0])),
         )
         self.goal = (3.0 - 0.4 * (seed % 3 == 2), float(rng.integers(0, SIZE[1])))
         self.criteria = SUMS[seed % len(SUMS)]

@@ -47,12 +47,12 @@ class ChainSpeedGraph(WrappedGraph):
     @cached_property
     def _paces(self) -> list[dict[str, str]]:
         """For each class, from slow to fast: dict from kinds of motion to the kinds that replace them."""
-        return [dict(pace) for pace in self.model.paces] or [{} for _ in self.model.speed_classes]
+        return [dict(pace) for pace in self.model.paces or [{}] for _ in self.model.speed_classes or [0.0]]
 
     @cached_property
     def _speeds(self) -> FloatArray:
-        """Speed, m/s, of moves in each class, if the model's moves have the column ``speed``."""
-        return np.array(self.model.speed_classes or [0.0])
+        """Speed (c,), m/s, of moves in each class, if the model's moves have the column ``speed``."""
+        return np.tile(self.model.speed_classes or [0.0], len(self.model.paces) or 1)
 
     def _has_speed(self, kind: str) -> bool:
         return SPEED in laws_of(self.model)[kind].extra
@@ -70,11 +70,12 @@ class ChainSpeedGraph(WrappedGraph):
     @property
     def speed_words(self) -> str:
         """Description of the speeds, for certificates."""
-        if not self.model.paces:
-            *some, last = (f"{speed:g}" for speed in self._speeds)
-            return f"at speeds of {', '.join(some)} and {last} m/s"
-        kinds = dict.fromkeys(kind for pace in reversed(self._paces) for kind in pace.values())
-        return f"each chain at one of {len(self._paces)} speeds ({', '.join(kinds)})"
+        *some, last = (f"{speed:g}" for speed in self.model.speed_classes or [0.0])
+        words = [f"at speeds of {', '.join(some)} and {last} m/s"] if some else []
+        if self.model.paces:
+            kinds = dict.fromkeys(kind for pace in reversed(self._paces) for kind in pace.values())
+            words.append(f"each chain at one of {len(self.model.paces)} speeds ({', '.join(kinds)})")
+        return ", ".join(words)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -116,7 +117,7 @@ class ChainSpeedGraph(WrappedGraph):
         kinds, corners, present = list[str](), [here], list[BoolArray]()
         for kind, end, some in zip(plain.kinds, plain.corners[1:], plain.present, strict=True):
             if self._has_speed(kind):
-                driven = np.where(some, speeds[np.minimum(classes, speeds.size - 1)], 0.0)
+                driven = np.where(some, speeds[classes], 0.0)
                 kinds += [CHANGE, kind, CHANGE]
                 corners += [at(here, driven), at(end, driven), at(end, rest)]
                 present += [some, some, some]
@@ -140,7 +141,7 @@ class ChainSpeedGraph(WrappedGraph):
         arcs, count = self.inner.arcs, len(self._paces)
         kinds = self.inner.kinds
         labels = [
-            [(pace.get(kind, kind), c if self._has_speed(kind) else 0) for kind in kinds]
+            [(pace.get(kind, kind), self._speeds[c] if self._has_speed(kind) else 0) for kind in kinds]
             for c, pace in enumerate(self._paces)
         ]
         offered = np.ones((arcs.heads.size, count), np.bool_)

@@ -216,7 +216,7 @@ def _corners(problem: Problem, trajectories: Sequence[Trajectory], ends: FloatAr
         stops = [int(np.searchsorted(t.times, visit.begin - CLOCKED)) for visit in visited.visits]
         at = [*(i for i, kind in enumerate(t.kinds) if kind == "move"), len(t)]
         points.append(np.stack([t.states.x, t.states.y], axis=1)[at])
-        turned = ("turn", HOLD.kind, CHANGE)
+        turned = ("turn", HOLD.kind, CHANGE, *(pace.get("turn") for pace in problem.model.paces))
         marked.append([i in stops or i == len(t) or (i > 0 and t.kinds[i - 1] in turned) for i in at])
     path = np.repeat(np.arange(len(points)), [len(p) for p in points])
     along = np.concatenate(points)

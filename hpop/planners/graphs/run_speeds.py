@@ -9,6 +9,7 @@ such execution: it is planned for longer than it takes.
 State v of the inner graph is node v, at rest. For each of the model's k speeds there are two more layers of nodes: one
 in which a run begins, and one in which it goes on. So a run has at least one move, and the robot waits at rest only.
 From rest, a change of speed leads to the first of these layers, each move to the second, and a change back to rest.
+Of several turn rates, only the largest is used.
 """
 
 from __future__ import annotations
@@ -82,7 +83,9 @@ class RunSpeedGraph(StateGraph):
     def words(self) -> str:
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
-        return f"{self.inner.words}, each straight run at {', '.join(some)} or {last} m/s"
+        speeds = f"{', '.join(some)} or {last}" if some else last
+        turns = ", turns at the largest of their rates" if self.model.paces else ""
+        return f"{self.inner.words}, each straight run at {speeds} m/s{turns}"
 
     @property
     def options(self) -> dict[str, Any]:

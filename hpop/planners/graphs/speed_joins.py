@@ -10,7 +10,7 @@ In paths of the graph, one direct change of speed replaces several at one state.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
@@ -34,7 +34,7 @@ class ChainStep(NamedTuple):
     """One motion that several copies of joins make at the same place in their chains.
 
     rows   (r,)  indices of these copies
-    kind   index of its kind in ``kinds`` of the inner graph; ``len(kinds)`` is a change of speed
+    kind   index of its kind in ``kinds`` of the graph of speeds
     start  states (r,) in which it begins, with speeds
     end    states (r,) in which it ends, with speeds
     """
@@ -71,11 +71,13 @@ class JoinCopies:
     inner   graph of states, with joins or without
     model   model with speed classes
     speeds  m/s, rising: the classes
+    kinds   kinds of motions of the graph of speeds: those of the inner graph, changes of speed, and slower turns
     """
 
     inner: TrajectoryGraph
     model: Model
     speeds: tuple[float, ...]
+    kinds: tuple[str, ...]
 
     def __len__(self) -> int:
         return self._copies[0].size
@@ -85,16 +87,24 @@ class JoinCopies:
 
     @cached_property
     def _copies(self) -> tuple[IntArray, IntArray]:
-        """For each copy (c,): the index of its join, and the layer in which its moves are driven."""
+        """For each copy (c,): the index of its join, and the number of its class.
+
+        The number is that of the turns, from slow to fast, times the number of speeds, plus that of the speed.
+        """
         joins = self.inner.joins
         if joins is None:
             return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        moves = np.zeros(joins.tails.size, dtype=np.bool_)
+        moves, turns = np.zeros((2, joins.tails.size), dtype=np.bool_)
         for kind, present in zip(joins.kinds, joins.present, strict=True):
             moves |= present & self._has_speed(kind)
-        counts = np.where(moves, len(self.speeds), 1)
-        rows = np.repeat(np.arange(counts.size), counts)
-        return rows, np.arange(rows.size) - np.repeat(np.cumsum(counts) - counts, counts) + 1
+            turns |= present & any(kind in pace for pace in self.model.paces)
+        row, of_turns, speed = np.indices((moves.size, len(self._paces), len(self.speeds))).reshape(3, -1)
+        offered = (moves[row] | (speed == len(self.speeds) - 1)) & (turns[row] | (of_turns == len(self._paces) - 1))
+        return row[offered], (of_turns * len(self.speeds) + speed)[offered]
+
+    @property
+    def _paces(self) -> Sequence[Mapping[str, str]]:
+        return self.model.paces or ({},)
 
     @property
     def rows(self) -> IntArray:
@@ -127,6 +137,7 @@ class JoinCopies:
         (rows, classes), joins, alone = self._copies, self.inner.joins, self.inner.states_alone
         if joins is None or alone is None:
             return rows, classes, ()
+        of_turns, classes = classes // len(self.speeds), classes % len(self.speeds) + 1
         speed_of, change = np.array([0.0, *self.speeds]), len(self.inner.kinds)
         at_tail, at_head = self.tails >= alone.size, self.heads >= alone.size
         begun, steps = np.zeros(rows.size, dtype=np.bool_), list[ChainStep]()
@@ -147,14 +158,16 @@ class JoinCopies:
             first = present & ~begun & ~at_tail
             begins, layer = np.where(first, needed, begins), np.where(first, needed, layer)
             add(change, layer != needed, (before, before), (layer, needed))
-            add(self.inner.kinds.index(kind), present, (before, after), (needed, needed))
+            for number, pace in enumerate(self._paces):
+                own = present & (of_turns == number)
+                add(self.kinds.index(pace.get(kind, kind)), own, (before, after), (needed, needed))
             layer, begun = needed, begun | present
         ends = np.where(at_head, 0, layer)
         add(change, layer != ends, (joins.corners[-1], joins.corners[-1]), (layer, ends))
         return begins, ends, tuple(steps)
 
     def _kind(self, step: ChainStep) -> str:
-        return (*self.inner.kinds, CHANGE)[step.kind]
+        return self.kinds[step.kind]
 
     @property
     def turned(self) -> NDArray[np.int8]:
@@ -165,7 +178,7 @@ class JoinCopies:
             if self._kind(step) == CHANGE:
                 faster = len(speeds) - np.searchsorted(speeds, step.end.speed, side="right")
                 turned[step.rows] += np.where(step.end.speed > 0.0, faster, 0).astype(np.int8)
-        return turned
+        return turned + (len(self._paces) - 1 - self._copies[1] // len(speeds)).astype(np.int8)
 
     def costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Return the costs (c, k) of the copies in quanta of the criteria, rounded up once for each copy."""
@@ -210,12 +223,15 @@ def needless_nodes(space: SpeedGraph, ids: IntArray, sizes: IntArray) -> BoolArr
     """Return a mask of the nodes (N,) of paths that can be left out, since one change of speed replaces several.
 
     A path may change from rest to a fast class, or back, by way of slower classes at one state. One direct change
-    replaces these changes if it costs as much in each criterion.
+    replaces these changes if it costs as much in each criterion. Also left out are nodes to which a free change leads,
+    to or from a class of turns.
 
     ids    (N,)  nodes of all paths, one path after another
     sizes  (n,)  number of nodes of each path
     """
     layer, joins = ids % space.layers, space.is_join(ids)
+    turning = ~joins & (layer > len(space.speeds))
+    layer[turning] = 0  # turns are at rest
     same = (np.diff(ids // space.layers) == 0) & ~(joins[1:] | joins[:-1])  # a change of speed
     same[np.cumsum(sizes)[:-1] - 1] = False  # not from one path to the next
     rises, falls = same & (np.diff(layer) > 0), same & (np.diff(layer) < 0)
@@ -223,10 +239,28 @@ def needless_nodes(space: SpeedGraph, ids: IntArray, sizes: IntArray) -> BoolArr
     upwards = _is_one_change(space, ids[1:-1], rises[:-1] & rises[1:], 0 * begins, middle, ends)
     downwards = _is_one_change(space, ids[1:-1], falls[:-1] & falls[1:], begins, middle, 0 * ends)
     passed = np.zeros(ids.size, dtype=np.bool_)
-    for _ in range(space.layers - 2):  # from rest onwards, and towards rest
+    for _ in range(len(space.speeds) - 1):  # from rest onwards, and towards rest
         at_rest = (layer == 0) | passed
         passed[1:-1] |= at_rest[:-2] & upwards | at_rest[2:] & downwards
+    passed[1:] |= same & (turning[1:] != turning[:-1])
     return passed
+
+
+def kinds_into(space: SpeedGraph, ids: IntArray, rows: IntArray) -> IntArray:
+    """Return the kind (p,) of the motion that leads to each of p nodes of paths; any kind for first nodes.
+
+    ids   (N,)  nodes of all paths, one path after another
+    rows  (p,)  indices of the p nodes in ``ids``
+    """
+    state, layer = space.states_of(ids), ids[rows] % space.layers
+    before, now = state[np.maximum(rows - 1, 0)], state[rows]
+    kinds = np.full(rows.size, len(space.inner.kinds))
+    moved = (before != now) & (before < space.alone.size) & (now < space.alone.size)
+    kinds[moved] = space.alone.kinds_between(before[moved], now[moved])
+    for number, pace in enumerate(space.slower_turns, 1 + len(space.speeds)):
+        own = [space.kinds.index(pace.get(kind, kind)) for kind in space.kinds]
+        kinds = np.where(layer == number, np.array(own)[kinds], kinds)
+    return kinds
 
 
 def _is_one_change(space: SpeedGraph, nodes: IntArray, some: BoolArray, *layers: IntArray) -> BoolArray:

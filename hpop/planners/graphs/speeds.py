@@ -6,6 +6,10 @@ place stay in layer 0, moves stay in the layer of a class. Arcs between layers k
 and cost what the criteria say of that motion. So a straight run may change its speed at each state, and any search on
 this graph finds speeds as it finds paths.
 
+A model with several turn rates (``paces``) has a further layer for each slower one, with free changes from and to rest.
+These are parallel arcs, one for each rate. This is exact: a turn begins and ends at rest, so its cost depends on its
+ends and rate only. The layer says which of these arcs a path takes.
+
 A join connects a start or goal to the graph (:mod:`.joined_ends`) by a chain of motions. It has one copy for each class
 in which its moves may be driven (:mod:`.speed_joins`). Each copy has a node of its own, between its tail and its head,
 so that a path says which copy it takes.
@@ -13,7 +17,7 @@ so that a path says which copy it takes.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
@@ -31,7 +35,7 @@ from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.chain_speeds import ChainSpeedGraph
 from hpop.planners.graphs.joined_ends import Ends
-from hpop.planners.graphs.speed_joins import JoinCopies, at_speed, needless_nodes
+from hpop.planners.graphs.speed_joins import JoinCopies, at_speed, kinds_into, needless_nodes
 from hpop.planners.graphs.state_graph import ARC, StateGraph, WrappedGraph
 from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import motion_quanta
@@ -91,20 +95,26 @@ class SpeedGraph(WrappedGraph):
     slowed: int | None = None
 
     @property
-    def _alone(self) -> StateGraph:
+    def alone(self) -> StateGraph:
+        """The graph of states, without joins."""
         alone = self.inner.states_alone
         assert alone is not None
         return alone
 
     @property
     def layers(self) -> int:
-        """Number of layers: one for each class, and one at rest."""
-        return len(self.speeds) + 1
+        """Number of layers: one at rest, one for each class of speed, and one for each slower class of turns."""
+        return 1 + len(self.speeds) + len(self.slower_turns)
+
+    @cached_property
+    def slower_turns(self) -> tuple[Mapping[str, str], ...]:
+        """For each slower class of turns, from slow to fast: kinds of motion, and the kinds that replace them."""
+        return tuple(self.model.paces[:-1])
 
     @property
     def speed_of(self) -> FloatArray:
         """Speed of each layer, m/s."""
-        return np.array([0.0, *self.speeds])
+        return np.array([0.0, *self.speeds, *[0.0] * len(self.slower_turns)])
 
     def node(self, state: int, layer: int = 0) -> int:
         """Return the node of a state of the inner graph in a layer; by default at rest."""
@@ -121,8 +131,12 @@ class SpeedGraph(WrappedGraph):
         return self.inner
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
-        """Return the nodes (N,) of states of the inner graph (N,), each in the layer nearest to its speed, m/s (N,)."""
-        return np.asarray(states * self.layers + np.abs(speeds[:, None] - self.speed_of).argmin(axis=1))
+        """Return the nodes (N,) of states of the inner graph (N,), each in the layer nearest to its speed, m/s (N,).
+
+        A speed of -i means class i of the slower turns, from 1.
+        """
+        own = [0.0, *self.speeds, *(-1.0 - np.arange(len(self.slower_turns)))]
+        return np.asarray(states * self.layers + np.abs(speeds[:, None] - own).argmin(axis=1))
 
     def is_join(self, nodes: IntArray) -> BoolArray:
         """Return a mask (N,): True for the nodes of joins."""
@@ -137,7 +151,7 @@ class SpeedGraph(WrappedGraph):
 
         The array is in the order of all arcs of this graph. Its value is 0 for changes of speed.
         """
-        slower = np.tile(inner[self._in_place_and_moves[1]], len(self.speeds) - 1)
+        slower = np.concatenate([inner[arcs] for arcs in self._slower_arcs])
         none, last = (np.zeros(size, inner.dtype) for size in (self._changes[0].size, 1 + self._slowing[0].size))
         return np.concatenate([inner, slower, none, joins[self._joins.rows], last])[self._arcs[2]]
 
@@ -145,12 +159,15 @@ class SpeedGraph(WrappedGraph):
     def words(self) -> str:
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
-        return f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s" if some else self.inner.words
+        words = f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s" if some else self.inner.words
+        turns = dict.fromkeys(kind for pace in self.model.paces for kind in pace.values())
+        return f"{words}, each turn at one of {len(self.model.paces)} rates ({', '.join(turns)})" if turns else words
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions of the inner graph, then changes of speed."""
-        return (*self.inner.kinds, CHANGE)
+        """Kinds of motions of the inner graph, then changes of speed, then slower turns."""
+        slower = (kind for pace in self.slower_turns for kind in pace.values())
+        return tuple(dict.fromkeys((*self.inner.kinds, CHANGE, *slower)))
 
     @cached_property
     def _has_speed(self) -> BoolArray:
@@ -163,18 +180,18 @@ class SpeedGraph(WrappedGraph):
         """Sizes of the inner graph, and the number of speeds."""
         return {**self.inner.counts, "speeds": len(self.speeds)}
 
-    def _states_of(self, nodes: IntArray) -> IntArray:
+    def states_of(self, nodes: IntArray) -> IntArray:
         """Return the node (N,) of the inner graph for each node; for the node of a join, the one to which it leads."""
         last, heads = self.inner.size * self.layers, np.append(self._joins.heads, 0)
         return np.where(nodes < last, nodes // self.layers, heads[np.clip(nodes - last, 0, len(self._joins))])
 
     def states(self, ids: IntArray) -> States:
         """Return the robot's states (N,) at nodes, without speeds; for a join's node, the state to which it leads."""
-        return self.inner.states(self._states_of(ids))
+        return self.inner.states(self.states_of(ids))
 
     def inside(self, nodes: list[int]) -> list[int]:
         """Return the inner nodes of some nodes; an added start or goal is replaced by the states joined to it."""
-        return self.inner.inside(list(dict.fromkeys(self._states_of(np.array(nodes, np.int64)).tolist())))
+        return self.inner.inside(list(dict.fromkeys(self.states_of(np.array(nodes, np.int64)).tolist())))
 
     def at_rest(self, ids: IntArray) -> BoolArray:
         """Return which nodes (N,) are in the layer of rest."""
@@ -183,7 +200,7 @@ class SpeedGraph(WrappedGraph):
     @cached_property
     def _joins(self) -> JoinCopies:
         """Copies of the joins, the connections of start and goals to the graph, one for each class."""
-        return JoinCopies(self.inner, self.model, self.speeds)
+        return JoinCopies(self.inner, self.model, self.speeds, self.kinds)
 
     # Arcs
 
@@ -191,20 +208,19 @@ class SpeedGraph(WrappedGraph):
     def _arcs(self) -> tuple[IntArray, NDArray[np.int32], IntArray]:
         """Row pointers (N + 1,), heads (m,), and for each arc (m,) its row in the table of costs.
 
-        The table has a row for each arc of the graph of states, its moves at the fastest speed, then for its moves at
+        The table has a row for each arc of the graph of states, at the fastest speed, then for its moves and turns at
         each slower speed, for changes of speed, for copies of joins, a row of zeros, and changes at the start.
         """
-        alone, count = self._alone, self.layers
+        alone, count = self.alone, self.layers
         tails, heads = np.repeat(np.arange(alone.size), np.diff(alone.rows)), alone.heads.astype(np.int64)
         in_place, moves = self._in_place_and_moves
-        fastest = count - 1
+        fastest = len(self.speeds)
         parts = [(tails[in_place] * count, heads[in_place] * count, in_place)]
         parts += [(tails[moves] * count + fastest, heads[moves] * count + fastest, moves)]
         row = heads.size
-        for layer in range(1, fastest):
-            numbers = row + np.arange(moves.size)
-            parts.append((tails[moves] * count + layer, heads[moves] * count + layer, numbers))
-            row += moves.size
+        for layer, arcs in zip([*range(1, fastest), *range(fastest + 1, count)], self._slower_arcs, strict=True):
+            parts.append((tails[arcs] * count + layer, heads[arcs] * count + layer, row + np.arange(arcs.size)))
+            row += arcs.size
         state, since, until = self._changes
         parts.append((state * count + since, state * count + until, row + np.arange(state.size)))
         row += state.size
@@ -226,21 +242,28 @@ class SpeedGraph(WrappedGraph):
     @cached_property
     def _in_place_and_moves(self) -> tuple[IntArray, IntArray]:
         """Indices of those arcs of the graph of states that are motions in place, and of those that are moves."""
-        has_speed = self._has_speed[self._alone.arcs.kinds]
+        has_speed = self._has_speed[self.alone.arcs.kinds]
         return np.flatnonzero(~has_speed), np.flatnonzero(has_speed)
+
+    @cached_property
+    def _slower_arcs(self) -> list[IntArray]:
+        """Indices of those arcs of the graph of states that are made at each slower speed, or class of turns."""
+        arcs = self.alone.arcs.kinds
+        turns = [np.isin(arcs, [i for i, kind in enumerate(self.inner.kinds) if kind in p]) for p in self.slower_turns]
+        return [*[self._in_place_and_moves[1]] * (len(self.speeds) - 1), *map(np.flatnonzero, turns)]
 
     @cached_property
     def _changes(self) -> tuple[IntArray, IntArray, IntArray]:
         """Changes of speed at all states, as three arrays (c,): the state, and the layers before and after."""
-        pairs = neighbouring(len(self.speeds))
-        state, pair = np.divmod(np.arange(self._alone.size * len(pairs)), len(pairs))
+        pairs = neighbouring(len(self.speeds), len(self.slower_turns))
+        state, pair = np.divmod(np.arange(self.alone.size * len(pairs)), len(pairs))
         since, until = pairs[pair].T
         return state, since, until
 
     @property
     def _slowing(self) -> tuple[IntArray, IntArray, IntArray]:
         """Changes to rest at the start ``slowed``, one from each speed, as three arrays like those of `_changes`."""
-        since = np.arange(1, 1 if self.slowed is None else self.layers)
+        since = np.arange(1, 1 if self.slowed is None else 1 + len(self.speeds))
         return np.full(since.size, self.slowed or 0), since, 0 * since
 
     @property
@@ -260,10 +283,9 @@ class SpeedGraph(WrappedGraph):
         It is the number of motions in place, changes of speed included. A change to a class counts one more for each
         faster class, so that fast paths are preferred.
         """
-        alone, (_, moves) = self._alone, self._in_place_and_moves
-        turned = [alone.turned, np.zeros((len(self.speeds) - 1) * moves.size, np.int8)]
-        until = self._changes[2]
-        turned.append(1 + np.where(until > 0, len(self.speeds) - until, 0).astype(np.int8))
+        until, count = self._changes[2], len(self.speeds)
+        turned = [self.alone.turned, *(self.alone.turned[arcs] for arcs in self._slower_arcs)]
+        turned.append(1 + np.where(until > 0, np.where(until > count, self.layers, count) - until, 0).astype(np.int8))
         last = np.zeros(1, np.int8), np.ones(self._slowing[0].size, np.int8)
         return np.concatenate([*turned, self._joins.turned, *last])[self._arcs[2]]
 
@@ -271,12 +293,10 @@ class SpeedGraph(WrappedGraph):
 
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Return the search graph: each motion costs what the criteria say of it at its speed."""
-        inner = self._alone.graph(criteria)
+        inner = self.alone.graph(criteria)
         pointers, heads, rows = self._arcs
-        doing = f"{self.words} was built"
-        self.spending.hold(rows.size * (8 * len(criteria) + 2 * ARC), doing)
-        nothing = np.zeros((1, len(criteria)), np.int64)
-        own = self._own_costs(criteria), self._joins.costs(criteria), nothing
+        self.spending.hold(rows.size * (8 * len(criteria) + 2 * ARC), f"{self.words} was built")
+        own = self._own_costs(criteria), self._joins.costs(criteria), np.zeros((1, len(criteria)), np.int64)
         costs = np.concatenate([inner.costs, *own, self._change_costs(self._slowing, criteria)])[rows]
         for array in (pointers, heads, costs):
             array.setflags(write=False)
@@ -284,59 +304,54 @@ class SpeedGraph(WrappedGraph):
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
         """Return whether the costs of all arcs of the graph of states are cached, at all speeds."""
-        named = [self._cached(criterion) is not None for criterion in criteria]
-        return self.inner.costed(criteria) and all(named)
+        return self.inner.costed(criteria) and all(self._cached(criterion) is not None for criterion in criteria)
 
     def _cached(self, criterion: Criterion) -> IntArray | None:
-        """Return the costs of slower moves and of changes by a criterion from the world's cache; None if missing."""
-        name = self._alone.cache_name(criterion)
-        found: IntArray | None = None if name is None else self._alone.cached_part((name, SPEED))
-        return found
+        """Return the costs of slower motions and of changes by a criterion from the world's cache; None if missing."""
+        name = self.alone.cache_name(criterion)
+        return None if name is None else cast(IntArray | None, self.alone.cached_part((name, SPEED)))
 
     def _own_costs(self, criteria: Sequence[Criterion]) -> IntArray:
         """Return the costs (r, k), in quanta, of moves at slower speeds and of changes of speed."""
         columns = [self._cached(criterion) for criterion in criteria]
-        missing = [j for j, column in enumerate(columns) if column is None]
-        if missing:
+        if missing := [j for j, column in enumerate(columns) if column is None]:
             some = [criteria[j] for j in missing]
             found = np.concatenate([*self._slower_costs(some), self._change_costs(self._changes, some)])
             for j, column in zip(missing, found.T, strict=True):
                 columns[j] = np.ascontiguousarray(column)
-                name = self._alone.cache_name(criteria[j])
-                if name is not None:
-                    self._alone.cache_part((name, SPEED), columns[j])
+                if (name := self.alone.cache_name(criteria[j])) is not None:
+                    self.alone.cache_part((name, SPEED), columns[j])
         return np.stack([column for column in columns if column is not None], axis=1)
 
     def _slower_costs(self, criteria: Sequence[Criterion]) -> Iterator[IntArray]:
-        """Yield the costs (moves, k) of all moves of the graph of states, for each speed but the fastest."""
-        alone, (_, moves) = self._alone, self._in_place_and_moves
-        for speed in self.speeds[:-1]:
+        """Yield the costs (a, k) of the arcs of :attr:`_slower_arcs`, for each speed and each class of turns."""
+        laws, none = laws_of(self.model), dict[str, str]()
+        classes = [*((speed, none) for speed in self.speeds[:-1]), *((0.0, pace) for pace in self.slower_turns)]
+        for own, (speed, pace) in zip(self._slower_arcs, classes, strict=True):
 
-            def of_moves(part: slice, speed: float = speed) -> IntArray:
+            def of_arcs(part: slice, own: IntArray = own, speed: float = speed, pace: Any = pace) -> IntArray:
                 costs = np.empty((part.stop - part.start, len(criteria)), np.int64)
-                for arcs, motions in alone.motions_of(moves[part]):
-                    start, end = (at_speed(states, speed) for states in (motions.start, motions.end))
-                    costs[np.searchsorted(moves[part], arcs)] = motion_quanta(
-                        replace(motions, start=start, end=end), criteria
-                    )
+                for arcs, motions in self.alone.motions_of(own[part]):
+                    start, end = (at_speed(s, speed) if speed else s for s in (motions.start, motions.end))
+                    driven = replace(motions, law=laws[pace.get(motions.kind, motions.kind)], start=start, end=end)
+                    costs[np.searchsorted(own[part], arcs)] = motion_quanta(driven, criteria)
                 return costs
 
-            yield np.concatenate([np.zeros((0, len(criteria)), np.int64), *self._each(of_moves, moves.size)])
+            yield self._each(of_arcs, own.size, criteria)
 
     def _change_costs(self, changes: tuple[IntArray, ...], criteria: Sequence[Criterion]) -> IntArray:
         """Return the costs (c, k) of changes of speed, given as `_changes`."""
 
         def of_changes(part: slice) -> IntArray:
             state, *layers = (column[part] for column in changes)
-            states = self.inner.states(state)
-            start, end = (at_speed(states, self.speed_of[layer]) for layer in layers)
+            start, end = (at_speed(self.inner.states(state), self.speed_of[layer]) for layer in layers)
             return motion_quanta(Motions(self.world, self.model, self.model.laws[CHANGE], start, end), criteria)
 
-        nothing = np.zeros((0, len(criteria)), np.int64)
-        return np.concatenate([nothing, *self._each(of_changes, changes[0].size)])
+        return self._each(of_changes, changes[0].size, criteria)
 
-    def _each(self, work: Any, size: int) -> Iterator[IntArray]:
-        return self.spending.each(work, blocks(size), f"{self.words} was built")
+    def _each(self, work: Any, size: int, criteria: Sequence[Criterion]) -> IntArray:
+        costs = self.spending.each(work, blocks(size), f"{self.words} was built")
+        return np.concatenate([np.zeros((0, len(criteria)), np.int64), *costs])
 
     # Trajectories
 
@@ -344,7 +359,8 @@ class SpeedGraph(WrappedGraph):
         """Return n trajectories, not yet checked, through nodes (N,), with speeds.
 
         The node of a join (connection of start or goal) is replaced by the states in which its motions end, and the
-        node after it is left out, as are nodes of slower classes where one change from or to rest replaces several.
+        node after it is left out, as are nodes of slower classes where one change from or to rest replaces several, and
+        those to which a free change leads, to or from a class of turns.
         """
         last, space = self.inner.size * self.layers, self.model.space
         pointers, ends, end_kinds, end_turns = self._joins.waypoints
@@ -358,38 +374,22 @@ class SpeedGraph(WrappedGraph):
         within = np.arange(owner.size) - np.repeat(np.cumsum(counts) - counts, counts)
         of_join = join[owner]
         plain, at = ids[owner[~of_join]], pointers[copy[owner[of_join]]] + within[of_join]
-        states, columns = self.inner.states(plain // self.layers), dict[str, FloatArray]()
-        states = at_speed(states, self.speed_of[plain % self.layers])
+        columns = dict[str, FloatArray]()
+        states = at_speed(self.inner.states(plain // self.layers), self.speed_of[plain % self.layers])
         for name in (*space.names, SPEED):
             columns[name] = np.empty(owner.size)
             columns[name][~of_join], columns[name][of_join] = getattr(states, name), getattr(ends, name)[at]
         kinds = np.full(owner.size, len(self.inner.kinds))
         kinds[of_join] = end_kinds[at]
-        kinds[~of_join] = self._kinds_into(ids, owner[~of_join])
+        kinds[~of_join] = kinds_into(self, ids, owner[~of_join])
         turns = {name: np.full(owner.size, np.nan) for name in space.turning}
         for name, known in turns.items():
             known[of_join] = end_turns[name][at]
-        path = np.repeat(np.arange(sizes.size), sizes)
-        lengths = np.bincount(path, counts, minlength=sizes.size).astype(np.int64)
+        lengths = np.bincount(np.repeat(np.arange(sizes.size), sizes), counts, minlength=sizes.size).astype(np.int64)
         laws = [laws_of(self.model)[kind] for kind in self.kinds]
         return Stretches.through(space, laws, States(**columns), kinds, lengths, turns)
 
-    def _kinds_into(self, ids: IntArray, rows: IntArray) -> IntArray:
-        """Return the kind (p,) of the motion that leads to each of p nodes of paths; any kind for first nodes.
-
-        ids   (N,)  nodes of all paths, one path after another
-        rows  (p,)  indices of the p nodes in ``ids``
-        """
-        state = self._states_of(ids)
-        before, now = state[np.maximum(rows - 1, 0)], state[rows]
-        kinds = np.full(rows.size, len(self.inner.kinds))
-        moved = (before != now) & (before < self._alone.size) & (now < self._alone.size)
-        kinds[moved] = self._alone.kinds_between(before[moved], now[moved])
-        return kinds
-
-    # Reasons
-
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason why no path leads from start to goals, as text: that of the inner graph."""
-        begin, *ends = self._states_of(np.array([start, *goals], np.int64)).tolist()
+        begin, *ends = self.states_of(np.array([start, *goals], np.int64)).tolist()
         return self.inner.what_separates(begin, ends)

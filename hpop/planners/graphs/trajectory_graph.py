@@ -289,6 +289,11 @@ class TrajectoryGraph(ABC):
         """The graph itself if it has layers for the visited stops of a tour, else None."""
         return None
 
+    @property
+    def slower_turns(self) -> tuple[Mapping[str, str], ...]:
+        """For each slower class of turns, from slow to fast: kinds of motion, and the kinds that replace them."""
+        return ()
+
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
         """Return, for nodes (N,) of `one_layer` and speeds (N,), m/s, the nodes (N,) of this graph at these speeds."""
         return states

@@ -151,7 +151,8 @@ class MixedCoordinates:
     joins: bool = True
 
     def kind(self, executed: str) -> str:
-        fastest = {slower: kind for pace in self.model.paces for kind, slower in pace.items()}
+        name = self.model.executed
+        fastest = {name.get(b, b): name.get(a, a) for pace in self.model.paces for a, b in pace.items()}
         return fastest.get(executed, executed) + SUFFIX
 
     @cached_property

@@ -31,7 +31,8 @@ POST = World.from_solids([Solid(Box((0.1, 0.1, 0.9)), pose_at((0.55, 0, 0.45)), 
 PILLAR = hpop.World.from_polygons([shapely.box(2.4, 1.5, 2.8, 2.6)], extent=shapely.box(0, 0, 5, 4))
 ON_TOP = (0.0, 0.0, 0.45, 0.0, 0.0, 0.0)
 BASE = hpop.DifferentialDrive(radius=0.3, body_height=0.4, speeds=(0.4, 1.0))
-HEAD = hpop.PanTilt(hpop.DifferentialDrive(radius=0.25, speeds=(0.3, 0.6, 1.0)), pan=(-1.5, 2.0), tilt=(-0.5, 0.3))
+CARRIER = hpop.DifferentialDrive(radius=0.25, speeds=(0.3, 0.6, 1.0), turn_rates=(0.5, 1.5))
+HEAD = hpop.PanTilt(CARRIER, pan=(-1.5, 2.0), tilt=(-0.5, 0.3))
 ARM = arm6(velocity_scaling=(0.3, 0.5, 1.0))
 MOBILE = hpop.MobileArm(arm6(base=ON_TOP, velocity_scaling=(0.4, 1.0)), BASE)
 ENDS: dict[Model, Any] = {
@@ -84,6 +85,7 @@ class Oracle:
                 for v in (0.3, 0.6, 1.0)
             ]
         slower = {(ARM, "reach"): ("0.3", "0.5"), (MOBILE, "reach"): ("0.4",), (MOBILE, "run"): ("0.4",)}
+        slower |= {(HEAD, "turn"): ("0.5",)}
         return [
             [self.trajectory(k, a, b)] for k in (kind, *(f"{kind}_{s}" for s in slower.get((self.model, kind), ())))
         ]
@@ -154,7 +156,9 @@ def test_plans_are_free_cost_what_was_planned_and_say_their_speeds(model: Model)
     assert "NOT VALID" not in front.certificate
     assert "speeds" in front.certificate
     driven = {word for trajectory in front.trajectories for word in driven_speeds(trajectory).split()}
-    assert driven >= {ARM: {"reach", "reach_0.3"}, HEAD: {"0.3", "1"}, MOBILE: {"reach", "run_0.4", "run"}}[model]
+    assert (
+        driven >= {ARM: {"reach", "reach_0.3"}, HEAD: {"0.3", "1", "turn"}, MOBILE: {"reach", "run_0.4", "run"}}[model]
+    )
     assert front.problem is not None
     assert hpop.Problem.from_description(front.problem).model == model
 

@@ -60,7 +60,7 @@ class Oracle:
         key = (kind, *np.round(states, 9).ravel().tolist())
         if key not in self.known:
             columns = dict(zip(("x", "y", "yaw", "speed"), np.array(states, float).T, strict=True))
-            if kind == "turn":
+            if kind.startswith("turn"):
                 del columns["speed"]
             motion, world = Trajectory(self.problem.model, States(**columns), (kind,)), self.problem.world
             self.known[key] = tuple(trajectory_cost(c, motion, world) for c in self.problem.criteria)
@@ -82,7 +82,8 @@ class Oracle:
         by = np.angle(np.exp(1j * (to - yaw)))
         by = np.pi if np.isclose(by, -np.pi) else by
         if abs(by) > 1e-9:
-            yield self.paid("turn", (x, y, yaw, 0.0), (x, y, yaw + by, 0.0))
+            for kind in (k for k in laws_of(self.problem.model) if k.startswith("turn")):  # one for each turn rate
+                yield self.paid(kind, (x, y, yaw, 0.0), (x, y, yaw + by, 0.0))
 
     def successors(self, node: Node) -> Iterator[tuple[Node | None, Costs]]:
         x, y, heading, number = node
@@ -115,12 +116,12 @@ class Oracle:
             return
         yaw, ahead = heading * ACROSS, float(np.arctan2(gy - y, gx - x))
         turns = list(self.turn(x, y, yaw, ahead))
-        for other, speed in enumerate(self.speeds):
+        for (other, speed), turn in product(enumerate(self.speeds), turns or [None]):
             if other and number == (0 if turns else other):
                 starts = [self.paid("speed_change", (x, y, ahead, 0.0), (x, y, ahead, speed))] if turns else []
                 move = self.paid("move", (x, y, ahead, speed), (gx, gy, ahead, speed))
                 stops = self.paid("speed_change", (gx, gy, ahead, speed), (gx, gy, ahead, 0.0))
-                yield None, self.counted(*turns, *starts, move, stops)
+                yield None, self.counted(*([turn] if turn else []), *starts, move, stops)
 
     def front(self, start: tuple[float, float], heading: int = 0, number: int = 0) -> set[Costs]:
         """Return the non-dominated costs from a start with a heading and a speed, by their numbers."""
@@ -154,7 +155,7 @@ class _Label(tuple):  # type: ignore[type-arg]
 
 
 def drawn(seed: int, *, one: bool = False) -> tuple[Problem, Oracle, tuple[float, float]]:
-    """Return a small problem with two or three speeds, or one, and its oracle."""
+    """Return a small problem with two or three speeds and one or two turn rates, or one of each, and its oracle."""
     rng = np.random.default_rng(seed)
     boxes = [shapely.box(x, y, x + 0.5, y + 0.5) for x, y in rng.uniform(0, 3, (rng.integers(0, 3), 2))]
     world = hpop.World.from_polygons(boxes, extent=shapely.box(-0.5, -0.5, SIZE[0] - 0.5, SIZE[1] - 0.5))
@@ -163,7 +164,10 @@ def drawn(seed: int, *, one: bool = False) -> tuple[Problem, Oracle, tuple[float
         gx += 0.3
     speeds = sorted(rng.choice([0.25, 0.5, 0.8, 1.0, 1.5], 1 if one else rng.integers(2, 4), replace=False).tolist())
     acceleration = float(rng.choice([0.5, 1.0, 2.0]))
-    robot = hpop.DifferentialDrive(radius=RADIUS, speeds=speeds, acceleration=acceleration)
+    rates = sorted(rng.choice([0.3, 0.8, 1.5, 3.0], 1 if one else 1 + seed % 2, replace=False).tolist())
+    camera = (0.1 * (seed % 2), 0.0)  # beside the axis, a slower turn is felt less
+    limits = {"speeds": speeds, "turn_rates": rates, "acceleration": acceleration}
+    robot = hpop.DifferentialDrive(radius=RADIUS, camera_offset=camera, **limits)
     criteria = CRITERIA[seed % len(CRITERIA)]
     problem = Problem(world, robot, (sx, sy, 0.0), (gx, gy, None), criteria)
     return problem, Oracle(problem, boxes, (gx, gy)), (sx, sy)
@@ -262,7 +266,8 @@ def test_one_speed_in_a_list_changes_nothing(seed: int) -> None:
     problem, _, _ = drawn(seed, one=True)
     robot = problem.model
     assert isinstance(robot, hpop.DifferentialDrive)
-    alone = hpop.DifferentialDrive(radius=RADIUS, speed=robot.speed, acceleration=robot.acceleration)
+    limits = {"speed": robot.speed, "turn_rate": robot.turn_rate, "acceleration": robot.acceleration}
+    alone = hpop.DifferentialDrive(radius=RADIUS, camera_offset=robot.camera_offset, **limits)
     assert alone == robot
     before = Problem(problem.world, alone, problem.start, problem.goal, list(problem.criteria))
     try:

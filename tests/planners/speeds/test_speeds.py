@@ -34,6 +34,7 @@ ROOM, WALL = shapely.box(0, 0, 8, 6), shapely.box(3, 0, 4, 3)
 WORLD = hpop.World.from_polygons([WALL], extent=ROOM)
 SPEEDS = (0.5, 1.0, 1.5)
 ROBOT = hpop.DifferentialDrive(radius=0.3, speeds=SPEEDS)
+TURNING = hpop.DifferentialDrive(radius=0.3, speeds=(0.5, 1.0), turn_rates=(0.4, 1.5))
 LATTICE = {"lattice": {"step": 0.5}}
 CRITERIA = ("duration", "felt_acceleration", "speed_changes")
 
@@ -72,6 +73,53 @@ def test_each_graph_and_search_chooses_among_the_speeds(planner: PlannerSpec) ->
     assert speeds_of(front) == set(SPEEDS)
     assert "at speeds of 0.5, 1 and 1.5 m/s" in front.certificate
     assert "NOT VALID" not in front.certificate
+
+
+def test_turns_have_one_of_several_rates_in_files_tables_and_tours(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = """\
+world: {polygons: {extent: [[0, 0], [8, 0], [8, 6], [0, 6]]}}
+model: {differential_drive: {radius: 0.3, turn_rates: %s}}
+start: [1, 1, 0]
+goal: [7, 5, any]
+criteria: [duration, peak_optic_flow]
+tour: {stops: [{at: [6, 1], within: 0.8, dwell: 3}]}
+planner: {lattice: {step: 1.0}}
+"""
+    (tmp_path / "room.yaml").write_text(text % "[0.4, 1.5]")
+    asked = load_scenario(tmp_path / "room.yaml").problem
+    front = asked.solve(LATTICE)
+    assert verify(asked, front) == []
+    assert "each turn at one of 2 rates (turn_0.4, turn)" in front.certificate
+    print_front(asked, front)
+    assert "1 turn_0.4" in capsys.readouterr().out
+    slow = next(each for each in front.trajectories if "turn" not in each.kinds)
+    turned = np.abs(np.diff(slow.states.yaw))[[kind == "turn_0.4" for kind in slow.kinds]]
+    lasts = slow.execution().durations[[kind == "spin_0.4" for kind in slow.execution().kinds]]
+    assert lasts == pytest.approx(turned / 0.4 + 0.4 / 3.0)  # a trapezoid at 3 rad/s²
+    assert np.abs(slow.model.wheels(slow.execution(), np.arange(0, slow.duration, 0.01)).left_speed).max() <= 1.0
+    front.save(tmp_path / "front.json")
+    assert [t.kinds for t in Front.load(tmp_path / "front.json").trajectories] == [t.kinds for t in front.trajectories]
+    (tmp_path / "room.yaml").write_text(text % "[1.5, 0.4]")
+    with pytest.raises(hpop.errors.HpopError, match=r"(?s)turn_rates must be .* rising turn rates in rad/s.*sort them"):
+        load_scenario(tmp_path / "room.yaml")
+    assert hpop.DifferentialDrive(turn_rates=[0.7]) == hpop.DifferentialDrive(turn_rate=0.7)
+    with pytest.raises(ModelError, match=r"turn_rate is the largest of turn_rates, 1.5, got 2.0; leave it out"):
+        hpop.DifferentialDrive(turn_rate=2.0, turn_rates=(0.4, 1.5))
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("head", [False, True])
+def test_the_fastest_profile_makes_slow_turns_at_the_largest_rate(head: bool) -> None:
+    fixed = PanTilt(base=TURNING, pan=(0.0, 0.0), tilt=(0.0, 0.0))  # it cannot turn its view back
+    robot, more = (fixed, (0.0, 0.0)) if head else (TURNING, ())
+    asked = problem(robot, ("duration", "peak_optic_flow"), start=(1, 1, 0, *more), goal=(6.5, 5, None, *more))
+    slow = next(each for each in asked.solve(LATTICE).trajectories if "turn_0.4" in each.kinds)
+    turned = np.abs(np.diff(slow.states.yaw))[[kind == "turn_0.4" for kind in slow.kinds]]
+    saved = (turned / 0.4 + 0.4 / 3.0 - turned / 1.5 - 1.5 / 3.0).sum()  # trapezoids at 3 rad/s²
+    (fastest,) = hpop.retime(asked, slow, points=1).trajectories
+    assert fastest.duration <= slow.execution().duration - saved + 0.01
 
 
 def test_max_turns_and_a_checkpoint_leave_the_front_as_it_is(tmp_path: Path) -> None:
@@ -325,7 +373,10 @@ def test_impossible_speeds_are_faults(rows: Any, kinds: tuple[str, ...], message
     assert any(fault.startswith(message) for fault in ROBOT.faults(trajectory(*rows, kinds=kinds)))
 
 
-@pytest.mark.parametrize("robot", [ROBOT, PanTilt(base=ROBOT)])
+@pytest.mark.parametrize(
+    "robot",
+    [ROBOT, PanTilt(base=ROBOT), *(pytest.param(r, marks=pytest.mark.proof) for r in (TURNING, PanTilt(TURNING)))],
+)
 def test_robots_with_speeds_pass_the_checks_of_models(robot: PlanarModel) -> None:
     check_model(robot)
 
