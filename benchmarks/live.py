@@ -1,6 +1,6 @@
 """Benchmark of `hpop live`: seconds from a click to the cards, and milliseconds from a push to its answer.
 
-    python benchmarks/live.py [--map NAME ...] [--clicks 40] [--pushes 300] [--step 0.25] [--out FILE]
+    python benchmarks/live.py [--map NAME ...] [--clicks 40] [--pushes 300] [--crowd N] [--step 0.25] [--out FILE]
 
 `hpop live` runs in a process of its own, and its planner in another; a page is connected through the websocket. Clicks
 are at random places; those that the robot cannot reach are drawn again. The first click is left out, and so is reading
@@ -26,6 +26,8 @@ from typing import Any
 import maps
 import numpy as np
 from websockets.sync.client import connect
+
+from hpop.scenario import load_scenario
 
 WAIT = 60.0
 
@@ -140,24 +142,30 @@ def main() -> None:
     parser.add_argument("--map", nargs="*", default=["pal_office", "nav2_depot"])
     parser.add_argument("--clicks", type=int, default=40)
     parser.add_argument("--pushes", type=int, default=300)
+    parser.add_argument("--crowd", type=int, default=0, help="people who walk about")
     parser.add_argument("--step", type=float, default=0.25)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
     found: dict[str, Any] = {"machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"}
     for name in asked.map:
-        if lacks := maps.missing(name):
+        if name in maps.FOLDERS and (lacks := maps.missing(name)):
             print(f"{name}: {lacks}")
             continue
-        text = (maps.ROOT / "examples" / f"{name}.yaml").read_text().replace("../../shared/data", str(maps.DATA))
+        examples = maps.ROOT / "examples"
+        text = (examples / f"{name}.yaml").read_text().replace("../../shared/data", str(maps.DATA))
+        text = text.replace("museum.geojson", str(examples / "museum.geojson"))
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / f"{name}.yaml"
             file.write_text(text.replace("step: 0.25", f"step: {asked.step:g}"))
             command = [sys.executable, "-P", "-m", "hpop", "live", file.name, "--port", "0", "--out", "out"]
+            command += ["--crowd", str(asked.crowd)]
             with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
                 try:
                     assert server.stdout is not None
                     address = server.stdout.readline().strip().removeprefix("drive: ")
-                    found[name] = measure(address, maps.problem(name).world.bounds, asked.clicks, asked.pushes)
+                    bounds = load_scenario(file).problem.world.bounds
+                    load = os.getloadavg()[0]
+                    found[name] = {"load": round(load, 1), **measure(address, bounds, asked.clicks, asked.pushes)}
                 finally:
                     server.terminate()
         print(name, json.dumps(found[name]))

@@ -1,8 +1,9 @@
 """Process of the planner of a live session: ``python -P -m hpop.cli.live_planner SCENARIO [FILE_OR_MODULE ...]``.
 
 The process reads requests as lines of JSON from its standard input, and writes messages as lines of JSON to its
-standard output. Each message has ``processor``: the processor time, ms, since its request came. The process ends with
-its input, so that it never outlives the server, which starts another one if it crashes.
+standard output. Each message has ``processor``: the processor time, ms, since its request was begun. A push is answered
+beside another request if the ways of the drive are known, and before other requests if not. The process ends with its
+input, so that it never outlives the server, which starts another one if it crashes.
 """
 
 from __future__ import annotations
@@ -11,7 +12,10 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from queue import PriorityQueue
+from threading import Lock, Thread
 from typing import Any
 
 from hpop import cli
@@ -37,6 +41,16 @@ KINDS = (
 """Requests: methods of :class:`hpop.live.planner.LivePlanner`."""
 
 
+SWITCH = 1e-3
+"""Time, s, after which a thread lets another one run, so that a push need not wait for long."""
+
+
+def at_once(planner: LivePlanner, request: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Yield the messages that answer a push beside another request; none if it has to wait for that request."""
+    with suppress(HpopError):
+        yield from planner.push_at_once(request["now"], request["pose"], request["direction"])
+
+
 def answers(planner: Any, request: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Yield the messages that answer a request.
 
@@ -58,19 +72,42 @@ def main(scenario: str, imports: Sequence[str]) -> None:
     """Answer requests until the input ends."""
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0)
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # prints of the user's own code are no messages
-
-    def say(message: Mapping[str, Any]) -> None:
-        out.write(json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n")
-
+    sys.setswitchinterval(SWITCH)
     cli.user_code.register(imports)
     planner = LivePlanner(load_scenario(scenario))
     planner.prepare()
+    writing, waiting = Lock(), PriorityQueue[tuple[int, int, dict[str, Any]]]()
+
+    def say(message: Mapping[str, Any]) -> None:
+        line = json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n"
+        with writing:
+            out.write(line)
+
+    def tell(request: Mapping[str, Any], messages: Iterator[dict[str, Any]], clock: Callable[[], float]) -> bool:
+        """Write the messages that answer a request; return whether there are any."""
+        began, any_told = clock(), False
+        for message in messages:
+            any_told = True
+            say({**message, "id": request["id"], "processor": round(1000.0 * (clock() - began), 1)})
+        if any_told or clock is time.process_time:
+            say({"type": "done", "id": request["id"]})
+        return any_told
+
+    def read() -> None:
+        """Answer pushes at once if possible; let other requests wait for the main thread."""
+        try:
+            for line in sys.stdin.buffer:
+                request = json.loads(line)
+                is_push = request["kind"] == "push"
+                if not is_push or not tell(request, at_once(planner, request), time.thread_time):
+                    waiting.put((0 if is_push else 1, request["id"], request))
+        finally:
+            waiting.put((-1, 0, {}))
+
     say({"type": "ready"})
-    for line in sys.stdin.buffer:
-        request, began = json.loads(line), time.process_time()
-        for message in answers(planner, request):
-            say({**message, "id": request["id"], "processor": round(1000.0 * (time.process_time() - began), 1)})
-        say({"type": "done", "id": request["id"]})
+    Thread(target=read, daemon=True).start()
+    while request := waiting.get()[2]:
+        tell(request, answers(planner, request), time.process_time)
 
 
 if __name__ == "__main__":

@@ -266,13 +266,15 @@ class Execution(StopLog):
         self._note("wish", self._last, wish=wish, shares=dict(shares), words=answer.words)
         return answer
 
-    def take(self, option: Option | Point | int, now: float | None = None) -> Trajectory:
-        """Take one of the last options, which the robot follows from their commit on; return the new plan.
+    def take(
+        self, option: Option | Point | int, now: float | None = None, options: Options | None = None
+    ) -> Trajectory:
+        """Take one of the last options, or of earlier ones, which the robot follows from their commit on.
 
-        The commit is the place where these options begin. ``patience`` and ``notice`` do not count here. Raises
-        DriveError if the robot has passed the commit, or if the option has been closed since.
+        The commit is the place where these options begin. ``patience`` and ``notice`` do not count here. Return the new
+        plan. Raise DriveError if the robot has passed the commit, or if the option has been closed since.
         """
-        options = self._options_at_hand()
+        options = self._options_at_hand() if options is None else options
         now, place = self._in_order(self._now() if now is None else now), options.place_of(option)
         chosen, commit = options[place], options.commit
         if now > commit.time + SAME and not (commit.arrives and chosen.keeps_on):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -215,16 +215,18 @@ def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
     return gaps
 
 
-def nearest_to_push(ways: Ways, heading: float) -> Pushed:
-    """Return the way nearest to a push with a ``heading``, rad, in the world; of equals, the present plan."""
+def nearest_to_push(ways: Ways, heading: float, is_open: Callable[[int], bool] = lambda row: True) -> Pushed | None:
+    """Return the way nearest to a push with a ``heading``, rad, in the world; of equals, the present plan.
+
+    is_open  returns whether a way, given by its row, can still be taken; None is returned if none can. The present plan
+             counts as open
+    """
     gaps = push_gaps(ways, heading)
-    row = min(range(len(gaps)), key=gaps.__getitem__)
-    if ways.present is None:
-        return Pushed(row, True, gaps[row][0])
-    if gaps[row] >= gaps[ways.present]:
-        row = ways.present
-    follows = row != ways.present or gaps[row][0] <= FOLLOWED
-    return Pushed(row, follows, gaps[row][0])
+    order = sorted(range(len(gaps)), key=lambda row: (gaps[row], row != ways.present))
+    row = next((row for row in order if row == ways.present or is_open(row)), None)
+    if row is None:
+        return None
+    return Pushed(row, row != ways.present or gaps[row][0] <= FOLLOWED, gaps[row][0])
 
 
 def first_turn(trajectory: Trajectory) -> str:

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import shapely
 
+from hpop.base.arrays import FloatArray
 from hpop.base.text import printable
+from hpop.drive.known_paths import clear_trajectories
 from hpop.drive.options import Options
+from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import CriterionError
 from hpop.live.cards import Ways, cards, described, line_of
 from hpop.problems.problem import Problem
@@ -32,6 +35,7 @@ class Offer:
     before   the present plan from its beginning to ``place``; None if the robot stands
     problem  planning problem of a new destination; None for ways of the present drive
     options  options of the present drive; None for a new destination
+    surroundings  closed areas and people when the options were found; None for a new destination
     """
 
     ways: Ways
@@ -43,6 +47,31 @@ class Offer:
     before: Trajectory | None = None
     problem: Problem | None = None
     options: Options | None = None
+    surroundings: DriveSurroundings | None = None
+
+    @classmethod
+    def of_drive(cls, options: Options, surroundings: DriveSurroundings) -> Offer:
+        """Return the offer of the options of a drive, found in these surroundings."""
+        commit, front = options.commit, options.front
+        costs: FloatArray = front.costs
+        if options.kept is not None:
+            costs = np.vstack([costs, [options.kept.costs[name] for name in front.names]])
+        ways = Ways(options.ways, costs, front, options.keep_on)
+        at, found = (float(commit.state.x[0]), float(commit.state.y[0])), (str(options.status), options.certificate)
+        return cls(ways, commit.time, at, *found, options.gap, options=options, surroundings=surroundings)
+
+    def is_open(self, option: int, now: DriveSurroundings, margin: float) -> bool:
+        """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
+
+        Ways to a new destination, and those found in these surroundings, count as clear.
+
+        margin  m, distance to keep from moving people
+        """
+        if self.options is None or self.surroundings is now:
+            return True
+        commit, way = self.options.commit, self.ways.trajectories[option]
+        problem = now.at(commit.state, commit.time)
+        return any(clear_trajectories([way], problem, commit.before, now.closed, margin, None, lambda: False))
 
     def message(self, now: float, preference: Any) -> dict[str, Any]:
         """Return the message "options", which shows the ways to viewers; ``now`` is the time of the session, s."""

@@ -16,32 +16,22 @@ from typing import Any
 import numpy as np
 import shapely
 
-from hpop.base.arrays import FloatArray
 from hpop.base.text import printable
-from hpop.drive.execution import Execution
-from hpop.drive.plan import joined
 from hpop.drive.script import follow
-from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import DriveError, HpopError, QueryError
-from hpop.live.cards import Ways, first_turn, line_of, nearest_to_push
-from hpop.live.offers import HORIZON, Offer, apart, bare_problem, plan_message
-from hpop.live.places import Destination, destination_of, on_graph, start_on_graph
-from hpop.models.execution import Ramps
+from hpop.live.cards import Ways, line_of
+from hpop.live.offered_drive import LEAD, Message, OfferedDrive, Pose
+from hpop.live.offers import HORIZON, Offer, apart
+from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.problems.problem import Planning
 from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
 from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
-Message = dict[str, Any]
-Pose = tuple[float, float, float]
-
-LEAD = 0.1
-"""Time, s, from a question until its options can begin; braking comes in addition."""
 AHEAD = 0.5
-"""The same for ways that are offered ahead, so that a push is answered from them without a search."""
+"""Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
 KEPT_OFFERS = 8
@@ -52,8 +42,11 @@ STANDS = 0.05
 """Speed, m/s, below which a person counts as standing."""
 
 
-class LivePlanner:
-    """Planner of one session: one robot, one map whose graph is built once, and one drive at a time."""
+class LivePlanner(OfferedDrive):
+    """Planner of one session: one robot, one map whose graph is built once, and one drive at a time.
+
+    Requests come one after the other, in one thread.
+    """
 
     def __init__(self, scenario: Scenario) -> None:
         problem = scenario.problem
@@ -63,17 +56,8 @@ class LivePlanner:
                 f"a live session needs a robot that drives on a floor, got the states {', '.join(names)}; use "
                 "differential_drive or pan_tilt"
             )
+        super().__init__(problem, scenario.planners[0])
         self.preference = scenario.preference
-        planner = scenario.planners[0]
-        self.template = bare_problem(problem)
-        self.planning = Planning(self.template.world, problem.model, problem.criteria, planner)
-        self.surroundings = DriveSurroundings.of(self.template, 0.0, self.planning.planner.margin)
-        ramps = Ramps.of(problem.model)
-        self.brakes = 0.0 if ramps is None else ramps.half
-        self.drive: Execution | None = None
-        self.prefix: Trajectory | None = None  # what was driven before the present drive, without a stop between
-        self.goal: Destination | None = None
-        self.offer: Offer | None = None
         self.offers = deque[tuple[float, Offer]](maxlen=KEPT_OFFERS)  # told last, each with the time of its question
 
     @property
@@ -96,13 +80,14 @@ class LivePlanner:
 
     def destination(self, now: float, pose: Pose, goal: Mapping[str, Any]) -> Iterator[Message]:
         """Check a destination: a point, a landmark or the stops of a tour; then offer the ways to it."""
-        self._see(now, pose)
+        now = self._see(now, pose)
         found = destination_of(goal, self.surroundings.problem, self.surroundings.closed)
         if isinstance(found.target, tuple):
             found = on_graph(found, self.graph, self.surroundings.problem)
         yield found.place
         if found.target is not None:
-            self.goal = found
+            with self.changing:
+                self.goal = found
             yield from self._offer_goal(now, pose)
 
     def _offer_goal(self, now: float, pose: Pose) -> Iterator[Message]:
@@ -111,8 +96,9 @@ class LivePlanner:
         before, state = None, start_on_graph(self._pose(pose), self.graph, self.template.model)
         time = now + (LEAD_AMONG_PEOPLE if self.surroundings.moving else LEAD)
         if self.drive is not None:
-            commit = self.drive.commit(now, LEAD + self.brakes)
-            before, state, time = self._whole(commit.before), commit.state, commit.time
+            with self.changing:
+                commit = self.drive.commit(now, LEAD + self.brakes)
+                before, state, time = self._whole(commit.before), commit.state, commit.time
         goal, words, front = self.goal, "", None
         try:
             problem = replace(self.surroundings.at(state, time), goal=goal.target, tour=goal.tour)
@@ -135,33 +121,21 @@ class LivePlanner:
         self.offers.append((now, offer))
         return offer.message(now, self.preference)
 
-    def _offer_rest(self, now: float, lead: float = LEAD) -> Offer | None:
-        """Store and return the offer of the ways that the present drive can still take; None without a drive."""
-        if self.drive is None:
-            return None
-        options = self.drive.options(now, lead + self.brakes)
-        commit, front = options.commit, options.front
-        costs: FloatArray = front.costs
-        if options.kept is not None:
-            costs = np.vstack([costs, [options.kept.costs[name] for name in front.names]])
-        ways = Ways(options.ways, costs, front, options.keep_on)
-        at = (float(commit.state.x[0]), float(commit.state.y[0]))
-        self.offer = Offer(
-            ways, commit.time, at, str(options.status), options.certificate, options.gap, options=options
-        )
-        return self.offer
-
     def options(self, now: float, pose: Pose) -> Iterator[Message]:
         """Compute the ways anew from here: to the destination that was asked for last, or those of the drive.
 
         Ways to a destination are offered at once. Those of the drive are stored for :meth:`push`; :meth:`show` offers
-        them to viewers, so that a push need not wait until they are described.
+        them to viewers, so that a push need not wait until they are described. The message "again" says that there
+        were none yet among the people as they are predicted now: ask once more.
         """
-        self._see(now, pose)
+        now = self._see(now, pose)
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
-        else:
-            self._offer_rest(now, AHEAD)
+            return
+        offer = self._offer_rest(now, AHEAD)
+        is_found = offer is None or (offer.surroundings is self.surroundings and math.isfinite(offer.gap))
+        if self.surroundings.moving and not is_found:
+            yield {"type": "again"}
 
     def show(self, now: float, pose: Pose) -> Iterator[Message]:
         """Offer the ways of the drive that were computed last, unless they were offered already."""
@@ -184,20 +158,14 @@ class LivePlanner:
                 words = "these ways are not offered any more; choose again"
             yield {"type": "refused", "words": words}
             return
-        self._see(now, pose)
+        now = self._see(now, pose)
         chosen = offer.ways.trajectories[option]
-        if offer is not self.offer or self._is_late(offer, now):
+        if offer is not self.offer or self._is_late(offer, now) or not self._is_open(offer, option):
             found = yield from self._anew(now, pose, chosen)
             if found is None:
                 return
             offer, option = found
         yield from self._taken(now, offer, option, "choice")
-
-    def _is_late(self, offer: Offer, now: float) -> bool:
-        """Return whether it is too late to take a way of an offer: the robot could no longer change to it in time."""
-        if offer.options is None and offer.before is None:
-            return self.surroundings.moving and now > offer.time
-        return now + self.brakes > offer.time
 
     def _anew(self, now: float, pose: Pose, chosen: Trajectory) -> Generator[Message, None, tuple[Offer, int] | None]:
         """Offer the ways anew; return the offer and the number of its way nearest to the chosen one.
@@ -215,60 +183,24 @@ class LivePlanner:
         yield {"type": "refused", "words": "the robot has passed the place where this way begins; choose again"}
         return None
 
-    def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
-        """Take a way of an offer: yield the plan for the robot, and the message "taken"."""
-        trajectory = offer.ways.trajectories[option]
-        words = first_turn(trajectory)
-        if offer.options is not None:
-            assert self.drive is not None
-            try:
-                self.drive.take(option, now)
-            except DriveError as error:
-                yield {"type": "refused", "words": printable(str(error))}
-                return
-            yield self._plan(now)
-        else:
-            assert offer.problem is not None
-            self.prefix, self.goal = offer.before, None
-            whole = trajectory if offer.before is None else joined(offer.before, trajectory)
-            begin = offer.time if offer.before is not None or trajectory.punctual else now
-            elapsed = now - begin + (0.0 if offer.before is None else offer.before.duration)
-            yield plan_message(whole, now, elapsed)
-        yield {"type": "taken", "option": option, "by": by, "words": words}
-        if offer.options is None:
-            assert offer.problem is not None
-            planner = self.planning.planner
-            self.drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin))
-        self.offer = None
-
     def push(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Take the way whose next seconds lie nearest to a direction, rad in the robot's frame; 0 is ahead."""
-        self._see(now, pose)
-        offer = self.offer
-        if offer is None or self._is_late(offer, now):
+        now = self._see(now, pose)
+        if self.offer is None or self._is_late(self.offer, now):
             if self.goal is not None:
                 yield from self._offer_goal(now, pose)
             else:
                 self._offer_rest(now)
-            offer = self.offer
-        if offer is None or not offer.ways.trajectories:
-            words = "there is no way to choose from; choose a destination first"
-            yield {"type": "pushed", "followed": False, "option": None, "words": words}
-            return
-        found = nearest_to_push(offer.ways, pose[2] + direction)
-        words = first_turn(offer.ways.trajectories[found.row])
-        if not found.follows:
-            words = f"no way leads there within 3 s; the robot {words}"
-        yield {"type": "pushed", "followed": found.follows, "option": found.row, "words": words}
-        if found.row != offer.ways.present:
-            yield from self._taken(now, offer, found.row, "push")
+        yield from self._answer(now, pose[2] + direction)
 
     def wish(self, now: float, pose: Pose, wish: str) -> Iterator[Message]:
         """Take the way that meets a wish, such as "fewer turns"; see :meth:`hpop.drive.Execution.wish`."""
-        self._see(now, pose)
+        now = self._see(now, pose)
         if self.drive is None or self.goal is not None:
             yield {"type": "refused", "words": "a wish changes a drive; take a way first"}
             return
+        with self.changing:
+            self.offer = None  # a wish is met by the last options
         offer = self._offer_rest(now)
         assert offer is not None
         try:
@@ -287,7 +219,7 @@ class LivePlanner:
 
         through  a point, {x, y}, or {region} in words: the name of a zone, "left of NAME", "between NAME and NAME"
         """
-        self._see(now, pose)
+        now = self._see(now, pose)
         offer = self.offer
         if offer is None or not offer.ways.trajectories:
             yield {"type": "refused", "words": "there are no ways to explain; choose a destination first"}
@@ -342,71 +274,57 @@ class LivePlanner:
 
         what, value, name  "close", "open" or "people"; the area or the people; the name of a closed area
         """
-        self._see(now, pose)
-        try:
-            if self.drive is not None:
-                change = self.drive.world(now, name=name, **{what: value})
-                self.surroundings = self.drive.surroundings
-            else:
-                change = None
-                self.surroundings = self.surroundings.changed(now, what, value, name, ())
-        except HpopError as error:
-            yield {"type": "refused", "words": printable(str(error))}
-            return
+        now, plan = self._see(now, pose), None
+        with self.changing:
+            try:
+                if self.drive is not None:
+                    self.drive.world(now, name=name, **{what: value})
+                    self.surroundings = self.drive.surroundings
+                    plan = self._plan(now)
+                else:
+                    self.surroundings = self.surroundings.changed(now, what, value, name, ())
+            except HpopError as error:
+                yield {"type": "refused", "words": printable(str(error))}
+                return
+            if plan is not None:
+                yield plan
+                if what != "people" or not plan["arrives"]:
+                    self.offer = None
+                elif self.offer is not None and self._stands(self.offer, now):
+                    return  # pushes are answered from it until ways among these people are asked for
         if what != "people":
             self.planning = self.planning.updated(self.surroundings.problem.world)
             closings = {c.name: shapely.get_coordinates(c.area).tolist() for c in self.surroundings.closings if c.name}
             yield {"type": "changed", "closed": closings}
-        if change is None:
+        if plan is None:
             if self.goal is not None:
                 yield from self._offer_goal(now, pose)
             return
-        assert self.drive is not None
-        yield self._plan(now)
+        yield from self._adapted(now, pose)
+
+    def _adapted(self, now: float, pose: Pose) -> Iterator[Message]:
+        """Take another way if the plan is blocked; offer the ways that there are now."""
         offer = self._offer_rest(now)
-        assert offer is not None
-        if offer.options is not None and offer.options.keep_on is None and self.drive.adapt(offer.options) is not None:
-            yield self._plan(now)
-            yield {"type": "taken", "option": None, "by": "plan", "words": "the way was closed: another one is taken"}
-            offer = self._offer_rest(now)
-            assert offer is not None
+        with self.changing:
+            assert self.drive is not None
+            options = (
+                None if offer is None or offer is not self.offer or offer.ways.present is not None else offer.options
+            )
+            if options is not None and self.drive.adapt(options) is not None:
+                self.offer = None
+                yield self._plan(now)
+                words = "the way was closed: another one is taken"
+                yield {"type": "taken", "option": None, "by": "plan", "words": words}
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
-        else:
-            yield self._told(offer, now)
+        elif (offer := self.offer or self._offer_rest(now)) is not None:
+            yield from self.show(now, pose)
 
     def arrived(self, now: float, pose: Pose, there: bool = True) -> Iterator[Message]:
         """End the drive at its destination; not if ``there`` is False: the robot has another plan meanwhile."""
         if there:
-            self.drive = self.prefix = None
-            if self.goal is None:
-                self.offer = None
+            with self.changing:
+                self.drive = self.prefix = None
+                if self.goal is None:
+                    self.offer = None
         yield from ()
-
-    # The drive
-
-    def _pose(self, pose: Pose) -> tuple[float, ...]:
-        """Return the state of a pose; variables other than x, y and yaw as at the start."""
-        names = self.template.model.space.names
-        values = dict(zip(names, self.template.start, strict=True)) | dict(zip(("x", "y", "yaw"), pose, strict=True))
-        return tuple(values[name] for name in names)
-
-    def _see(self, now: float, pose: Pose) -> None:
-        """Report the measured pose to the drive; if the robot has left its plan, end the drive and drop its offer."""
-        if self.drive is None or now < self.drive.begin:
-            return
-        try:
-            self.drive.at(now, self._pose(pose))
-        except DriveError:
-            self.drive = self.prefix = self.offer = None
-
-    def _whole(self, trajectory: Trajectory) -> Trajectory:
-        """Return a part of the drive's plan, joined to the motion before this drive if there was no stop in between."""
-        return trajectory if self.prefix is None else joined(self.prefix, trajectory)
-
-    def _plan(self, now: float) -> Message:
-        """Return the drive's plan as the message "plan" to the robot."""
-        assert self.drive is not None
-        before = 0.0 if self.prefix is None else self.prefix.duration
-        plan, elapsed = self.drive.plan, before + self.drive.at(now).planned
-        return plan_message(self._whole(plan), now, elapsed, arrives=plan.duration >= self.drive.announced.duration)

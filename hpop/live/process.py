@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 LONGEST = 64 * 2**20
 """Largest size of a message, bytes."""
@@ -21,27 +21,38 @@ KEPT = ("close", "open")
 """Kinds of requests that are all sent: a newer one does not replace an older one that waits."""
 MOST_WAITING = 64
 """Requests that may wait."""
+MOST_SECONDS = 60.0
+"""Time, s, after which a process that has not answered a request is ended, and another one is started."""
 
 Handler = Callable[[dict[str, Any]], None]
 
 
+class _Running(NamedTuple):
+    """A request that is being answered: whether it is a push, when it was sent, and what ends a process that hangs."""
+
+    is_push: bool
+    sent: float
+    watch: asyncio.TimerHandle
+
+
 class PlannerProcess:
-    """Client of the planner's process, which it starts again after a crash.
+    """Client of the planner's process, which it starts again after a crash, or if it does not answer.
 
     command  arguments of the process after the interpreter
     tell     called with each message of the process; also with {"type": "ready"} once its graph is built, and with
-             {"type": "crashed"} when it has ended by itself
+             {"type": "crashed", "hung": ...} when it has ended by itself, or was ended as it did not answer
+    limit    s, after which a request counts as not answered
     """
 
-    def __init__(self, scenario: Path, imports: Sequence[str], tell: Handler) -> None:
+    def __init__(self, scenario: Path, imports: Sequence[str], tell: Handler, limit: float = MOST_SECONDS) -> None:
         self.command = [sys.executable, "-P", "-m", "hpop.cli.live_planner", str(scenario), *imports]
-        self.tell = tell
-        self.is_ready = False
-        self.took, self._sent = 0.0, 0.0  # s, of the last answer; time of the last request
+        self.tell, self.limit = tell, limit
+        self.is_ready, self._hangs = False, False
+        self.took = 0.0  # s, of the last answer
         self.pid: int | None = None
         self._process: asyncio.subprocess.Process | None = None
         self._number = 0
-        self._running = 0  # number of the request that is being answered; 0 for none
+        self._running = dict[int, _Running]()  # requests that are being answered, by number
         self._waiting: list[tuple[str, dict[str, Any]]] = []
 
     @property
@@ -62,17 +73,34 @@ class PlannerProcess:
         self._next()
 
     def _next(self) -> None:
-        """Send the request that has waited longest, if the process is free; pushes first."""
+        """Send the requests that have waited longest: one push and one other request, if none of theirs is running.
+
+        A push need not wait for other requests: the process answers it beside them if it can.
+        """
         process = self._process
-        if self._running or not self._waiting or not self.is_ready or process is None or process.stdin is None:
+        if not self.is_ready or process is None or process.stdin is None:
             return
-        urgent = next((i for i, (kind, _) in enumerate(self._waiting) if kind == "push"), 0)
-        kind, given = self._waiting.pop(urgent)
-        self._number += 1
-        self._running, self._sent = self._number, time.monotonic()
-        values = {name: value() if callable(value) else value for name, value in given.items()}
-        with suppress(OSError, RuntimeError):  # it is about to be seen that the process has ended
-            process.stdin.write(json.dumps({"id": self._number, "kind": kind, **values}).encode() + b"\n")
+        for kind, given in [*self._waiting]:
+            if any((kind == "push") == each.is_push for each in self._running.values()):
+                continue
+            self._waiting.remove((kind, given))
+            self._number += 1
+            watch = asyncio.get_running_loop().call_later(self.limit, self._hung)
+            self._running[self._number] = _Running(kind == "push", time.monotonic(), watch)
+            values = {name: value() if callable(value) else value for name, value in given.items()}
+            with suppress(OSError, RuntimeError):  # it is about to be seen that the process has ended
+                process.stdin.write(json.dumps({"id": self._number, "kind": kind, **values}).encode() + b"\n")
+
+    def _done(self, number: int) -> None:
+        """Forget a request that is answered."""
+        request = self._running.pop(number)
+        request.watch.cancel()
+        if not request.is_push:
+            self.took = time.monotonic() - request.sent
+
+    def _hung(self) -> None:
+        self._hangs = True
+        self._end()
 
     async def run(self) -> None:
         """Keep a process running until this task is cancelled."""
@@ -82,13 +110,14 @@ class PlannerProcess:
                 began = loop.time()
                 await self._one()
                 crashes = 1 if loop.time() - began > STEADY else crashes + 1
-                self.tell({"type": "crashed"})
+                self.tell({"type": "crashed", "hung": self._hangs})
                 await asyncio.sleep(PAUSES[min(crashes, len(PAUSES)) - 1])
         finally:
             self._end()
 
     async def _one(self) -> None:
         """Start a process, and hand on its messages until it ends."""
+        self._hangs = False
         self._process = process = await asyncio.create_subprocess_exec(
             *self.command,
             stdin=asyncio.subprocess.PIPE,
@@ -104,12 +133,15 @@ class PlannerProcess:
                 if message["type"] == "ready":
                     self.is_ready = True
                 if message["type"] == "done":
-                    self._running, self.took = 0, time.monotonic() - self._sent
+                    self._done(message["id"])
                 else:
                     self.tell(message)
                 self._next()
         finally:
-            self.is_ready, self._running = False, 0
+            self.is_ready = False
+            for request in self._running.values():
+                request.watch.cancel()
+            self._running.clear()
             self._waiting.clear()
             self._end()
             await process.wait()

@@ -22,7 +22,7 @@ from hpop.runtime.page_server import LOCAL, PageServer, same
 from hpop.view.single_page import bundle, single_page
 
 GREETING = 10.0
-"""Time, s, within which a page must say hello."""
+"""Time, s, within which a page must say hello; other messages do not count."""
 READS = 10.0
 """Time, s, within which a page must read a message."""
 GOING = 1008
@@ -49,7 +49,7 @@ class LiveServer(PageServer):
         driving: str = "",
         watching: str = "",
     ) -> None:
-        self.session = session
+        self.session, self.greeting = session, GREETING
         self.watching = watching or secrets.token_urlsafe(9)
         routes = [Route("/", self._page), WebSocketRoute("/socket", self._connect)]
         token = driving or secrets.token_urlsafe(9)
@@ -110,9 +110,15 @@ class LiveServer(PageServer):
                 await asyncio.wait_for(socket.close(GOING, viewer.gone), 1.0)
 
     async def _read(self, socket: WebSocket, viewer: Viewer) -> None:
+        last = asyncio.get_running_loop().time() + self.greeting
         with suppress(WebSocketDisconnect):
             while not viewer.gone:
-                message: Any = await asyncio.wait_for(socket.receive(), None if viewer.greeted else GREETING)
+                wait = None if viewer.greeted else last - asyncio.get_running_loop().time()
+                try:
+                    message: Any = await asyncio.wait_for(socket.receive(), wait)
+                except TimeoutError:
+                    viewer.gone = f"did not say hello within {self.greeting:g} s"
+                    return
                 if message["type"] == "websocket.disconnect":
                     return
                 if (text := message.get("text")) is None:
@@ -126,7 +132,7 @@ class LiveServer(PageServer):
                 await viewer.wakes.wait()
                 viewer.wakes.clear()
                 while viewer.waiting and not viewer.gone:
-                    await self._send(socket, viewer, viewer.waiting.popleft())
+                    await self._send(socket, viewer, viewer.next_text())
                 state, viewer.state = viewer.state, ""
                 if state and not viewer.gone:
                     await self._send(socket, viewer, state)

@@ -258,6 +258,11 @@ class LiveSession(Audience):
             return
         self.planner.ask(kind, now=lambda: self.now, pose=lambda: list(self.robot.pose), **values)
 
+    def _ask_ways(self) -> None:
+        """Ask for the ways of the drive from here on, and that viewers are offered them."""
+        self._ask("options")
+        self._ask("show")
+
     # What the planner says
 
     def _planned(self, message: dict[str, Any]) -> None:
@@ -273,8 +278,9 @@ class LiveSession(Audience):
                 if self._repeats:
                     self._goal, self._repeats = None, 0
                     self.note("the destination ended the planner twice, and is not asked for again; choose another")
+                what = "did not answer, was ended" if message["hung"] else "has ended by itself"
                 self.note(
-                    "the planner has ended by itself and is started again; the robot stops, and what was asked last "
+                    f"the planner {what} and is started again; the robot stops, and what was asked last "
                     "may be lost: look at what is closed, then choose a way"
                 )
             case "lost":
@@ -296,8 +302,9 @@ class LiveSession(Audience):
                 if message["by"] == "choice" and self._starts:
                     self.stopped = self._starts = False
                 self.tell(message)
-                self._ask("options")
-                self._ask("show")
+                self._ask_ways()
+            case "again":
+                self._ask_ways()
             case _:
                 self.tell(message)
 
@@ -330,8 +337,7 @@ class LiveSession(Audience):
             return
         if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking - RENEWED_BEFORE:
             self._next["ways"] = now + max(RENEWED, RESTS * self.planner.took)
-            self._ask("options")
-            self._ask("show")
+            self._ask_ways()
 
     def _see_people(self, now: float, *, wanted: bool = False) -> None:
         """Tell the planner where the people are if the robot drives, and the prediction is wrong or old.
@@ -343,6 +349,8 @@ class LiveSession(Audience):
             self._next["people"] = now + SEEN
             self._told_people.keep(self.people, now)
             self._ask("people", people=self.people)
+            if not self._has_arrived and not wanted:
+                self._ask_ways()
 
     def _see_areas(self) -> None:
         """Tell the planner which areas are blocked on the map of the robot."""

@@ -15,6 +15,8 @@ from hpop.live.messages import checked
 
 MOST_WAITING = 256
 """Messages that may wait for a viewer; one who reads more slowly is sent away."""
+MOST_BYTES = 16 * 2**20
+"""Bytes that may wait for a viewer; a message larger than that is sent alone."""
 MOST_MESSAGES, BURST = 60.0, 120.0
 """Messages a second that a viewer may send in the long run, and messages that it may send at once."""
 MOST_REFUSALS = 3.0
@@ -40,6 +42,7 @@ class Viewer:
         self.number, self.may_drive, self.wants, self.greeted = number, may_drive, False, False
         self.alive, self.gone, self.seen = -math.inf, "", False
         self.waiting: deque[str] = deque()
+        self._bytes = 0
         self.state = ""
         self.wakes = asyncio.Event()
         self._budget, self._refusals, self._counted = BURST, MOST_REFUSALS, time.monotonic()
@@ -49,11 +52,18 @@ class Viewer:
         text = json.dumps(message, allow_nan=False, separators=(",", ":"))
         if message["type"] == "state":
             self.state = text
-        elif len(self.waiting) < MOST_WAITING:
+        elif len(self.waiting) < MOST_WAITING and (not self.waiting or self._bytes + len(text) <= MOST_BYTES):
             self.waiting.append(text)
+            self._bytes += len(text)
         else:
             self.gone = "reads too slowly"
         self.wakes.set()
+
+    def next_text(self) -> str:
+        """Remove and return the message that waits longest: as JSON, which is ASCII."""
+        text = self.waiting.popleft()
+        self._bytes -= len(text)
+        return text
 
     def counts(self) -> bool:
         """Count a message that came; return whether the viewer keeps to `MOST_MESSAGES` and `BURST`."""

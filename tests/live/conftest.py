@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from threading import Event, Thread
@@ -62,10 +62,10 @@ class Page:
 
 
 @contextmanager
-def served(folder: Path, scenario: str = ROOM, **robot: Any) -> Iterator[LiveServer]:
+def served(folder: Path, scenario: str = ROOM, imports: Sequence[str] = (), **robot: Any) -> Iterator[LiveServer]:
     file = folder / "room.yaml"
     file.write_text(scenario)
-    with server_of(file, folder / "out", (), robot) as server:
+    with server_of(file, folder / "out", imports, robot) as server:
         thread = Thread(target=server.serve_forever)
         thread.start()
         try:

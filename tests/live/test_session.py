@@ -10,18 +10,20 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
 
 from hpop.live.record import read_record
 from hpop.live.server import LiveServer
 from hpop.live.simulator import WATCHDOG, LiveRobot, SimulatorOptions
-from hpop.live.viewer import BURST, Audience
+from hpop.live.viewer import BURST, MOST_BYTES, Audience, Viewer
 from hpop.models import DifferentialDrive
 from hpop.simulation import DriveLimits
 from hpop.trajectories.trajectory import Trajectory
-from tests.live.conftest import WAIT, Page
+from tests.live.conftest import WAIT, Page, served
 
 
 @pytest.fixture
@@ -124,6 +126,82 @@ def test_a_crash_of_the_planner_is_told_and_the_drive_can_go_on(server: LiveServ
     assert (still["x"], still["y"]) == pytest.approx((first["x"], first["y"]), abs=1e-3)
     page.say("take", option=0)
     page.until("state", lambda state: state["moving"])
+
+
+@pytest.mark.proof
+def test_a_planner_that_hangs_is_ended_and_started_again(server: LiveServer, page: Page) -> None:
+    page.until("scene")
+    planner = server.session.planner
+    page.say("stop")
+    page.until("state", lambda state: not state["moving"])
+    while planner.is_busy:
+        time.sleep(0.02)
+    planner.limit, pid = 1.0, planner.pid or 0
+    os.kill(pid, signal.SIGSTOP)
+    page.say("destination", x=6.0, y=4.0)
+    page.until("note", lambda message: "did not answer" in message["words"])
+    planner.limit = WAIT
+    page.until("options")
+    assert planner.pid != pid
+
+
+DIES = """\
+import os
+from dataclasses import dataclass
+
+import hpop
+from hpop.live.planner import LivePlanner
+
+@hpop.criterion("nothing", group="R", unit="1", aggregate="sum")
+@dataclass(frozen=True)
+class Nothing:
+    def cost(self, motions):
+        return 0.0 * motions.duration
+
+before = LivePlanner.destination
+
+def destination(self, now, pose, goal):
+    if goal["y"] == 1.0:
+        os._exit(3)
+    return before(self, now, pose, goal)
+
+LivePlanner.destination = destination
+"""
+
+
+@pytest.mark.proof
+def test_a_destination_that_ends_the_planner_twice_is_dropped(tmp_path: Path) -> None:
+    (tmp_path / "dies.py").write_text(DIES)
+    with served(tmp_path, imports=[str(tmp_path / "dies.py")]) as server:
+        page = Page(server.address())
+        page.until("note", lambda message: message["words"] == "the map is prepared")
+        page.say("destination", x=6.0, y=1.0)
+        page.until("note", lambda message: "ended the planner twice" in message["words"])
+        page.until("note", lambda message: message["words"] == "the map is prepared")
+        page.say("destination", x=6.0, y=4.0)
+        page.until("options")
+        page.close()
+    ends = [event for event in read_record(server.session.record.path) if "is started again" in str(event)]
+    assert len(ends) == 2
+
+
+def test_a_page_that_does_not_say_hello_is_sent_away(server: LiveServer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(server, "greeting", 0.2)
+    with connect(server.address().replace("http", "ws", 1) + "socket") as silent:
+        silent.send('{"type": "alive"}')
+        assert "say hello first" in str(silent.recv(timeout=WAIT))
+        with pytest.raises(ConnectionClosed, match="did not say hello"):
+            silent.recv(timeout=WAIT)
+
+
+def test_what_waits_for_a_viewer_is_bounded_in_bytes_and_one_large_message_is_let_through() -> None:
+    viewer, large = Viewer(1, may_drive=False), {"type": "note", "words": "x" * MOST_BYTES}
+    viewer.send(large)
+    assert not viewer.gone
+    viewer.next_text()
+    for _ in range(3):
+        viewer.send({"type": "note", "words": "x" * (MOST_BYTES // 2 - 100)})
+    assert (viewer.gone, len(viewer.waiting)) == ("reads too slowly", 2)
 
 
 def test_a_simulated_base_that_nobody_commands_brakes_by_itself() -> None:

@@ -1,0 +1,190 @@
+"""The drive of a live session, with the ways that it can take; another thread may answer pushes from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from threading import RLock
+from typing import Any
+
+from hpop.base.text import printable
+from hpop.drive.execution import Execution
+from hpop.drive.plan import joined
+from hpop.drive.script import follow
+from hpop.drive.surroundings import DriveSurroundings
+from hpop.errors import DriveError, HpopError
+from hpop.live.cards import first_turn, nearest_to_push
+from hpop.live.offers import Offer, bare_problem, plan_message
+from hpop.live.places import Destination
+from hpop.models.execution import Ramps
+from hpop.problems.problem import Planning, Problem
+from hpop.trajectories.trajectory import Trajectory
+
+Message = dict[str, Any]
+Pose = tuple[float, float, float]
+
+LEAD = 0.1
+"""Time, s, from a question until its options can begin; braking comes in addition."""
+
+
+class OfferedDrive:
+    """The drive of a session, and the ways that were offered last. Two threads may use it.
+
+    One thread answers requests, the other one answers pushes (`push_at_once`) while the first one computes. Both change
+    the drive, and yield the messages that say so, only while they hold the lock ``changing``.
+
+    template  problem of the scenario without its tour and its people
+    drive     the present drive; None while the robot has no plan
+    prefix    what was driven before it without a stop between; None for nothing
+    goal      destination to which ways are offered; None while those of the drive are
+    offer     the ways that can be taken now; None if they are not known
+    """
+
+    def __init__(self, problem: Problem, planner: Any) -> None:
+        self.template = bare_problem(problem)
+        self.planning = Planning(self.template.world, problem.model, problem.criteria, planner)
+        self.surroundings = DriveSurroundings.of(self.template, 0.0, self.planning.planner.margin)
+        ramps = Ramps.of(problem.model)
+        self.brakes = 0.0 if ramps is None else ramps.half
+        self.changing = RLock()
+        self.drive: Execution | None = None
+        self.prefix: Trajectory | None = None
+        self.goal: Destination | None = None
+        self.offer: Offer | None = None
+        self._pushes, self._pushed = (
+            0,
+            -math.inf,
+        )  # pushes by which plans changed beside requests; time of the last push
+
+    def _offer_rest(self, now: float, lead: float = LEAD) -> Offer | None:
+        """Store and return the offer of the ways that the present drive can still take; None without a drive.
+
+        While the graph is built anew for people who walk elsewhere than predicted, ways that are known are checked
+        again. Then the last offer stays, if it begins late enough: its ways are all that there were.
+        """
+        if self.drive is None:
+            return None
+        while True:
+            pushes, surroundings = self._pushes, self.surroundings
+            now = max(now, self._pushed)
+            try:
+                options = self.drive.options(now, lead + self.brakes)
+            except HpopError:
+                if pushes == self._pushes:
+                    raise
+                continue
+            with self.changing:
+                if pushes != self._pushes:  # of a plan that a push has changed meanwhile
+                    continue
+                if self.offer is None or math.isfinite(options.gap) or not self._stands(self.offer, now):
+                    self.offer = Offer.of_drive(options, surroundings)
+                return self.offer
+
+    def _stands(self, offer: Offer, now: float) -> bool:
+        """Return whether the present plan can still be changed to a way of an offer."""
+        return offer.options is not None and self.goal is None and not self._is_late(offer, now)
+
+    def _is_late(self, offer: Offer, now: float) -> bool:
+        """Return whether it is too late to take a way of an offer: the robot could no longer change to it in time."""
+        if offer.options is None and offer.before is None:
+            return self.surroundings.moving and now > offer.time
+        return now + self.brakes > offer.time
+
+    def _is_open(self, offer: Offer, option: int) -> bool:
+        """Return whether a way of an offer is clear of closed areas and people as they are predicted now."""
+        return offer.is_open(option, self.surroundings, self.planning.planner.margin)
+
+    def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
+        """Take a way of an offer: yield the plan for the robot, and the message "taken"."""
+        trajectory = offer.ways.trajectories[option]
+        taken = {"type": "taken", "option": option, "by": by, "words": first_turn(trajectory)}
+        if offer.options is not None:
+            with self.changing:
+                assert self.drive is not None
+                try:
+                    self.drive.take(option, now, offer.options)
+                except DriveError as error:
+                    yield {"type": "refused", "words": printable(str(error))}
+                    return
+                self.offer = None
+                yield self._plan(now)
+                yield taken
+            return
+        assert offer.problem is not None
+        with self.changing:
+            self.prefix, self.goal, self.offer, self.drive = offer.before, None, None, None
+            whole = trajectory if offer.before is None else joined(offer.before, trajectory)
+            begin = offer.time if offer.before is not None or trajectory.punctual else now
+            elapsed = now - begin + (0.0 if offer.before is None else offer.before.duration)
+            yield plan_message(whole, now, elapsed)
+            yield taken
+        planner = self.planning.planner
+        drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin))
+        with self.changing:
+            self.drive = drive
+
+    def push_at_once(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
+        """Answer a push beside a request that another thread is answering; no message if it has to wait for that.
+
+        It must wait if the ways of the present drive are not known, or begin too soon.
+        """
+        with self.changing:
+            if self.drive is None or self.offer is None or not self._stands(self.offer, now):
+                return
+            self._pushed = now
+            for message in self._answer(now, pose[2] + direction):
+                self._pushes += message["type"] == "taken"
+                yield message
+
+    def _answer(self, now: float, heading: float) -> Iterator[Message]:
+        """Take the open way of the present offer that lies nearest to a heading in the world, rad."""
+        with self.changing:
+            offer = self.offer
+            many = 0 if offer is None else len(offer.ways.trajectories)
+            found = None if offer is None else nearest_to_push(offer.ways, heading, partial(self._is_open, offer))
+            if offer is None or found is None:
+                words = "no way is free of people now" if many else "there is no way to choose from"
+                words = f"{words}; choose a destination first"
+                yield {"type": "pushed", "followed": False, "option": None, "words": words}
+                return
+            words = first_turn(offer.ways.trajectories[found.row])
+            if not found.follows:
+                words = f"no way leads there within 3 s; the robot {words}"
+            yield {"type": "pushed", "followed": found.follows, "option": found.row, "words": words}
+            if found.row != offer.ways.present:
+                yield from self._taken(now, offer, found.row, "push")
+
+    # The drive
+
+    def _pose(self, pose: Pose) -> tuple[float, ...]:
+        """Return the state of a pose; variables other than x, y and yaw as at the start."""
+        names = self.template.model.space.names
+        values = dict(zip(names, self.template.start, strict=True)) | dict(zip(("x", "y", "yaw"), pose, strict=True))
+        return tuple(values[name] for name in names)
+
+    def _see(self, now: float, pose: Pose) -> float:
+        """Report the measured pose to the drive; if the robot has left its plan, end the drive and drop its offer.
+
+        Return the time ``now``, or that of a push that was answered since, as times of a drive are in order.
+        """
+        with self.changing:
+            now = max(now, self._pushed)
+            if self.drive is None or now < self.drive.begin:
+                return now
+            try:
+                self.drive.at(now, self._pose(pose))
+            except DriveError:
+                self.drive = self.prefix = self.offer = None
+            return now
+
+    def _whole(self, trajectory: Trajectory) -> Trajectory:
+        """Return a part of the drive's plan, joined to the motion before this drive if there was no stop in between."""
+        return trajectory if self.prefix is None else joined(self.prefix, trajectory)
+
+    def _plan(self, now: float) -> Message:
+        """Return the drive's plan as the message "plan" to the robot."""
+        assert self.drive is not None
+        before = 0.0 if self.prefix is None else self.prefix.duration
+        plan, elapsed = self.drive.plan, before + self.drive.at(now).planned
+        return plan_message(self._whole(plan), now, elapsed, arrives=plan.duration >= self.drive.announced.duration)
