@@ -5,8 +5,9 @@
 `hpop live` runs in a process of its own, and its planner in another; a page is connected through the websocket. Clicks
 are at random places; those that the robot cannot reach are drawn again. The first click is left out, and so is reading
 the map. The robot drives to each place, and is pushed at random times to the left or the right. A push that comes while
-the planner is busy waits for it; this is included. After a box was closed, one more click is timed. Processor times are
-those of the planner alone, and do not include waiting.
+the planner is busy may wait for it; this is included. After a box was closed, one more click is timed. Processor times
+are those of the planner's process from the moment at which a request comes, with all that it waits for there. They are
+what the times would be on a machine that does nothing else.
 """
 
 from __future__ import annotations
@@ -132,6 +133,7 @@ def measure(address: str, bounds: tuple[float, ...], clicks: int, pushes: int) -
         "push_ms": dict(zip(shares, np.percentile(answered, shares).round(1).tolist(), strict=True)),
         "push_processor_ms": dict(zip(shares, np.percentile(spent, shares).round(1).tolist(), strict=True)),
         "pushes_within_100_ms": round(float((np.array(answered) <= 100.0).mean()), 4),
+        "pushes_within_100_ms_of_processor": round(float((np.array(spent) <= 100.0).mean()), 4),
         "pushes_followed": round(followed / max(len(answered), 1), 3),
     }
 

@@ -1,9 +1,9 @@
 """Process of the planner of a live session: ``python -P -m hpop.cli.live_planner SCENARIO [FILE_OR_MODULE ...]``.
 
 The process reads requests as lines of JSON from its standard input, and writes messages as lines of JSON to its
-standard output. Each message has ``processor``: the processor time, ms, since its request was begun. A push is answered
-beside another request if the ways of the drive are known, and before other requests if not. The process ends with its
-input, so that it never outlives the server, which starts another one if it crashes.
+standard output. Each message has ``processor``: the processor time of the process, ms, since its request came. A push
+is answered beside another request if the ways of the drive are known, and before other requests if not. The process
+ends with its input, so that it never outlives the server, which starts another one if it crashes.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from queue import PriorityQueue
 from threading import Lock, Thread
@@ -76,38 +76,39 @@ def main(scenario: str, imports: Sequence[str]) -> None:
     cli.user_code.register(imports)
     planner = LivePlanner(load_scenario(scenario))
     planner.prepare()
-    writing, waiting = Lock(), PriorityQueue[tuple[int, int, dict[str, Any]]]()
+    writing, waiting = Lock(), PriorityQueue[tuple[int, int, dict[str, Any], float]]()
 
     def say(message: Mapping[str, Any]) -> None:
         line = json.dumps(message, allow_nan=False, separators=(",", ":")).encode() + b"\n"
         with writing:
             out.write(line)
 
-    def tell(request: Mapping[str, Any], messages: Iterator[dict[str, Any]], clock: Callable[[], float]) -> bool:
-        """Write the messages that answer a request; return whether there are any."""
-        began, any_told = clock(), False
+    def tell(request: Mapping[str, Any], messages: Iterator[dict[str, Any]], came: float) -> bool:
+        """Write the messages that answer a request, which came at a processor time, s; return whether there are any."""
+        any_told = False
         for message in messages:
             any_told = True
-            say({**message, "id": request["id"], "processor": round(1000.0 * (clock() - began), 1)})
-        if any_told or clock is time.process_time:
-            say({"type": "done", "id": request["id"]})
+            say({**message, "id": request["id"], "processor": round(1000.0 * (time.process_time() - came), 1)})
         return any_told
 
     def read() -> None:
         """Answer pushes at once if possible; let other requests wait for the main thread."""
         try:
             for line in sys.stdin.buffer:
-                request = json.loads(line)
+                request, came = json.loads(line), time.process_time()
                 is_push = request["kind"] == "push"
-                if not is_push or not tell(request, at_once(planner, request), time.thread_time):
-                    waiting.put((0 if is_push else 1, request["id"], request))
+                if is_push and tell(request, at_once(planner, request), came):
+                    say({"type": "done", "id": request["id"]})
+                else:
+                    waiting.put((0 if is_push else 1, request["id"], request, came))
         finally:
-            waiting.put((-1, 0, {}))
+            waiting.put((-1, 0, {}, 0.0))
 
     say({"type": "ready"})
     Thread(target=read, daemon=True).start()
-    while request := waiting.get()[2]:
-        tell(request, answers(planner, request), time.process_time)
+    while (asked := waiting.get())[2]:
+        tell(asked[2], answers(planner, asked[2]), asked[3])
+        say({"type": "done", "id": asked[1]})
 
 
 if __name__ == "__main__":

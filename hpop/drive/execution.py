@@ -89,9 +89,8 @@ class Execution(StopLog):
         self.ready(self.begin)  # ahead of the first query
 
     def __repr__(self) -> str:
-        plan = self._progress.plan
-        ends = "to the goal" if plan.stops is None else "to where the plan is closed"
-        return f"<Execution: {plan.driven.duration:.1f} s {ends}, {len(self.record)} events>"
+        ends = "to the goal" if self._progress.plan.stops is None else "to where the plan is closed"
+        return f"<Execution: {self.plan.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
         """Prepare the graph for queries from a time on; among moving people this begins in another thread."""
@@ -176,7 +175,7 @@ class Execution(StopLog):
 
     # Options
 
-    def options(self, now: float, deadline: float | None = None) -> Options:
+    def options(self, now: float, deadline: float | None = None, within: float | None = None) -> Options:
         """Return the front of remaining plans from the next place where the plan may change (:meth:`commit`).
 
         It includes the present plan if that is open.
@@ -185,10 +184,11 @@ class Execution(StopLog):
                   need no search, so a deadline of 0 returns them; a missing plan is at most a factor 1 + gap better.
                   After a change of people, waiting for the graph to be rebuilt counts too, in real time. If it is not
                   rebuilt in time, the options are known plans that are open and clear of people; the gap is infinite
+        within    s, a shorter deadline of the search; options then begin later than after the search
         """
         deadline, now = deadline_of(deadline, self.problem), self._told(now)
         self._note_visits(now)
-        options, result = self._options(now, deadline, None)
+        options, result = self._options(now, deadline, None, within=deadline if within is None else within)
         self._note("options", now, deadline=deadline, answer=result.answer)
         return options
 
@@ -200,10 +200,10 @@ class Execution(StopLog):
         now = self._told(now)
         self._note_visits(now)
         self._note("options", now, deadline=deadline, answer=answer)
-        return self._options(now, deadline_of(deadline, self.problem), answer, again=True)[0]
+        return self._options(now, deadline_of(deadline, self.problem), answer)[0]
 
     def _options(
-        self, now: float, deadline: float, answer: Any, *, again: bool = False
+        self, now: float, deadline: float, answer: Any, *, within: float | None = None
     ) -> tuple[Options, ReplanResult]:
         """Return options, and the search result behind them.
 
@@ -211,13 +211,13 @@ class Execution(StopLog):
         stop before it.
 
         answer  a logged result, as for :meth:`options_again`
-        again   repeats an event log: the deadline then places the commit, but does not limit the search
+        within  s, deadline of the search; None for none: an event log is repeated, ``deadline`` only places the commit
         """
-        commit, seconds = self.commit(now, deadline), None if again else deadline
+        commit = self.commit(now, deadline)
         if answer is not None and answer.get("stopping"):
             stopping = self.surroundings.with_people_who_stop(commit.places.states, commit.places.times)
         else:
-            options, result = self._options_from(commit, now, seconds, answer)
+            options, result = self._options_from(commit, now, within, answer)
             if len(options) or not result.candidates.status.is_final:
                 return options, result
             stopping = self._replanner.stopping(self.surroundings, commit)
@@ -225,7 +225,7 @@ class Execution(StopLog):
             before = part(self._progress.plan.driven, 0, commit.place)
             self._change(now, stopping, ())
             commit = commit if self._progress.plan.begins_with(before) else self.commit(now, deadline)
-            options, result = self._options_from(commit, now, seconds, answer)
+            options, result = self._options_from(commit, now, within, answer)
             if result.answer is not None:
                 result = result._replace(answer={**result.answer, "stopping": True})
         return options, result

@@ -218,12 +218,11 @@ def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
 def nearest_to_push(ways: Ways, heading: float, is_open: Callable[[int], bool] = lambda row: True) -> Pushed | None:
     """Return the way nearest to a push with a ``heading``, rad, in the world; of equals, the present plan.
 
-    is_open  returns whether a way, given by its row, can still be taken; None is returned if none can. The present plan
-             counts as open
+    is_open  returns whether a way, given by its row, can still be taken; None is returned if none can
     """
     gaps = push_gaps(ways, heading)
     order = sorted(range(len(gaps)), key=lambda row: (gaps[row], row != ways.present))
-    row = next((row for row in order if row == ways.present or is_open(row)), None)
+    row = next(filter(is_open, order), None)
     if row is None:
         return None
     return Pushed(row, row != ways.present or gaps[row][0] <= FOLLOWED, gaps[row][0])

@@ -26,6 +26,8 @@ Pose = tuple[float, float, float]
 
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
+WITHIN = 0.2
+"""Time, s, in which the ways of a drive must be found; among people, the graph may be built anew meanwhile."""
 
 
 class OfferedDrive:
@@ -57,11 +59,11 @@ class OfferedDrive:
             -math.inf,
         )  # pushes by which plans changed beside requests; time of the last push
 
-    def _offer_rest(self, now: float, lead: float = LEAD) -> Offer | None:
+    def _offer_rest(self, now: float, lead: float = LEAD, *, anew: bool = False) -> Offer | None:
         """Store and return the offer of the ways that the present drive can still take; None without a drive.
 
-        While the graph is built anew for people who walk elsewhere than predicted, ways that are known are checked
-        again. Then the last offer stays, if it begins late enough: its ways are all that there were.
+        While the graph is built anew for people who walk elsewhere than predicted, only known ways are found. Then the
+        last offer, which has all that there were, stays while it can be used, but not with ``anew``.
         """
         if self.drive is None:
             return None
@@ -69,7 +71,7 @@ class OfferedDrive:
             pushes, surroundings = self._pushes, self.surroundings
             now = max(now, self._pushed)
             try:
-                options = self.drive.options(now, lead + self.brakes)
+                options = self.drive.options(now, lead + self.brakes, WITHIN)
             except HpopError:
                 if pushes == self._pushes:
                     raise
@@ -77,7 +79,7 @@ class OfferedDrive:
             with self.changing:
                 if pushes != self._pushes:  # of a plan that a push has changed meanwhile
                     continue
-                if self.offer is None or math.isfinite(options.gap) or not self._stands(self.offer, now):
+                if anew or self.offer is None or math.isfinite(options.gap) or not self._stands(self.offer, now):
                     self.offer = Offer.of_drive(options, surroundings)
                 return self.offer
 
@@ -89,7 +91,8 @@ class OfferedDrive:
         """Return whether it is too late to take a way of an offer: the robot could no longer change to it in time."""
         if offer.options is None and offer.before is None:
             return self.surroundings.moving and now > offer.time
-        return now + self.brakes > offer.time
+        arrives = offer.options is not None and offer.options.commit.arrives  # no other way is left
+        return not arrives and now + self.brakes > offer.time
 
     def _is_open(self, offer: Offer, option: int) -> bool:
         """Return whether a way of an offer is clear of closed areas and people as they are predicted now."""

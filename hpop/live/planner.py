@@ -30,7 +30,7 @@ from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
-AHEAD = 0.5
+AHEAD = 0.8
 """Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
@@ -288,9 +288,9 @@ class LivePlanner(OfferedDrive):
                 return
             if plan is not None:
                 yield plan
-                if what != "people" or not plan["arrives"]:
+                if what != "people":
                     self.offer = None
-                elif self.offer is not None and self._stands(self.offer, now):
+                elif plan["arrives"] and self.offer is not None and self._stands(self.offer, now):
                     return  # pushes are answered from it until ways among these people are asked for
         if what != "people":
             self.planning = self.planning.updated(self.surroundings.problem.world)
@@ -304,12 +304,11 @@ class LivePlanner(OfferedDrive):
 
     def _adapted(self, now: float, pose: Pose) -> Iterator[Message]:
         """Take another way if the plan is blocked; offer the ways that there are now."""
-        offer = self._offer_rest(now)
+        offer = self._offer_rest(now, anew=True)
         with self.changing:
             assert self.drive is not None
-            options = (
-                None if offer is None or offer is not self.offer or offer.ways.present is not None else offer.options
-            )
+            is_blocked = offer is not None and offer is self.offer and offer.ways.present is None
+            options = None if offer is None or not is_blocked else offer.options
             if options is not None and self.drive.adapt(options) is not None:
                 self.offer = None
                 yield self._plan(now)

@@ -35,9 +35,9 @@ ANNOUNCED = 3.0
 """Time, s, before a turn at which it is announced."""
 SAME_TURN = 1.5
 """Time, s, between the begins of two turns to one side, up to which they count as one that is announced once."""
-RENEWED, RENEWED_BEFORE = 0.4, 0.2
+RENEWED, RENEWED_BEFORE = 0.4, 0.5
 """Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
-RESTS = 4.0
+RESTS = 2.0
 """Least time between offers of new ways, as a multiple of the time that the last one took."""
 SEEN = 1.5
 """Least time, s, between two predictions of the people."""
