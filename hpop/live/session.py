@@ -45,6 +45,7 @@ PREDICTED = 4.0
 """Time, s, after which people are predicted anew."""
 BEFORE_PEOPLE = 0.15
 """Distance, m, that the robot keeps from people when it brakes before them."""
+LOOK = "and what was asked last may be lost: look at what is closed, then choose a way"
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
 
@@ -278,18 +279,14 @@ class LiveSession(Audience):
                 if self._repeats:
                     self._goal, self._repeats = None, 0
                     self.note("the destination ended the planner twice, and is not asked for again; choose another")
-                what = "did not answer, was ended" if message["hung"] else "has ended by itself"
-                self.note(
-                    f"the planner {what} and is started again; the robot stops, and what was asked last "
-                    "may be lost: look at what is closed, then choose a way"
-                )
+                ended = "did not answer, was ended" if message["hung"] else "has ended by itself"
+                self.note(f"the planner {ended} and is started again; the robot stops, {LOOK}")
             case "lost":
                 self._leave_plan()
-            case "place":
-                self._repeats = 0
-                self.tell(message)
-            case "options":
-                self._repeats, self._plan = 0, message["present"]
+            case "place" | "options":
+                if message["type"] == "options" or message["status"] == "blocked":  # the search for ways has ended
+                    self._repeats = 0
+                self._plan = message.get("present", self._plan)
                 self.tell(message)
             case "pushed":
                 self.tell({**message, "milliseconds": round(1000.0 * (self.now - self._pushed_at), 1)})

@@ -159,14 +159,14 @@ class Nothing:
     def cost(self, motions):
         return 0.0 * motions.duration
 
-before = LivePlanner.destination
+before = LivePlanner._offer_goal
 
-def destination(self, now, pose, goal):
-    if goal["y"] == 1.0:
+def offer(self, now, pose):
+    if self.goal.place["y"] == 1.0:
         os._exit(3)
-    return before(self, now, pose, goal)
+    return before(self, now, pose)
 
-LivePlanner.destination = destination
+LivePlanner._offer_goal = offer
 """
 
 
