@@ -1,21 +1,72 @@
-"""Graph that repeats a base graph in layers and adds nodes and arcs, without copying the arrays of the base.
+"""Graphs without arrays of all arcs and costs, which take most of the memory of a large graph.
 
-A query adds its start and goals to a graph that other queries use as well. A tour has a layer for each set of visited
-stops, and arcs that lead to later layers. The exact search reads arcs of the base in place. Other searches read arrays
-of all arcs, which are made when they are first read.
+A graph may repeat a base graph in layers and add nodes and arcs. A query adds its start and goals to a graph that other
+queries use as well. A tour has a layer for each set of visited stops, and arcs that lead to later layers. Or a graph
+stores its costs as a column of small integers for each cost. The exact search reads these arcs in place. Other searches
+read arrays of all arcs, which are made when they are first read.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray, N, inserted_in_layers, tiled
+from hpop.base.arrays import BoolArray, IntArray, N, inserted_in_layers, tiled
 from hpop.search.graph import Graph
-from hpop.search.networks import AddedArcs
+from hpop.search.networks import AddedArcs, check_sums
+
+
+class CompactGraph(Graph):
+    """Graph whose costs are stored as a column of small unsigned integers for each cost, such as 16 bits.
+
+    The array :attr:`costs`, of 64 bits, is made when it is first read. The exact search with turns does not read it.
+    """
+
+    columns: tuple[NDArray[np.unsignedinteger[Any]], ...] = ()
+
+    @classmethod
+    def of(
+        cls,
+        indptr: IntArray,
+        heads: NDArray[np.int32],
+        columns: Sequence[NDArray[np.unsignedinteger[Any]]],
+        aggregates: Sequence[str],
+    ) -> Self:
+        """Return the graph with read-only arrays, which are not copied; ``columns`` are k arrays (m,) of costs."""
+        graph = object.__new__(cls)
+        vars(graph).update(indptr=indptr, heads=heads, columns=tuple(columns), aggregates=tuple(aggregates))
+        vars(graph).update(labels=None, edges=None, turns=None, base=None, layers=1)
+        check_sums(graph)
+        return graph
+
+    @cached_property
+    def costs(self) -> IntArray:
+        """Costs (m, k) of all arcs, copied when they are first read."""
+        return _read_only(self._stacked(slice(None)))
+
+    @cached_property
+    def arc(self) -> NDArray[np.int32]:
+        """Indices (m,) of the arcs in this graph: 0, 1, ..."""
+        return _read_only(np.arange(self.arcs, dtype=np.int32))
+
+    def cost(self, column: int, part: slice = slice(None)) -> NDArray[Any]:
+        """Return one cost of the arcs in a range of indices, as the small integers that are stored."""
+        return super().cost(column, part) if self.has_costs else self.columns[column][part]
+
+    def ends_and_costs(self, arcs: NDArray[np.integer[Any]] | slice) -> tuple[NDArray[np.int32], IntArray]:
+        """Return the heads (N,) and costs (N, k) of N arcs, given by their indices, without copying other arcs."""
+        return super().ends_and_costs(arcs) if self.has_costs else (self.heads[arcs], self._stacked(arcs))
+
+    def _stacked(self, arcs: NDArray[np.integer[Any]] | slice) -> IntArray:
+        first = self.heads[arcs]
+        costs = np.empty((*first.shape, len(self.columns)), np.int64)
+        for j, column in enumerate(self.columns):
+            costs[..., j] = column[arcs]
+        return costs
 
 
 class ExtendedGraph(Graph):
@@ -63,9 +114,9 @@ class ExtendedGraph(Graph):
         vars(graph).update({name: value for name, value in vars(self).items() if name != "added"} | own)
         return graph
 
-    def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
+    def ends_and_costs(self, arcs: NDArray[np.integer[Any]] | slice) -> tuple[NDArray[np.int32], IntArray]:
         """Return the heads (N,) and costs (N, k) of N arcs, given by their indices, without copying other arcs."""
-        if self.base is None or "costs" in vars(self):
+        if self.base is None or self.has_costs or isinstance(arcs, slice):
             return super().ends_and_costs(arcs)
         places = self.added.places
         own = np.searchsorted(places, arcs)
@@ -80,7 +131,7 @@ class ExtendedGraph(Graph):
     @property
     def distinct_costs(self) -> IntArray:
         """Costs (r, k) of the arcs of one layer and of the added arcs; other arcs repeat these, and are not copied."""
-        if self.base is None or "costs" in vars(self):
+        if self.base is None or self.has_costs:
             return super().distinct_costs
         return np.concatenate([self.base.distinct_costs, self.added.costs])
 
@@ -90,7 +141,7 @@ class ExtendedGraph(Graph):
 
         Also 0 with a single layer: the code that adds arcs to the base has counted these bytes then.
         """
-        are_made = self.base is None or self.layers == 1 or "costs" in vars(self)
+        are_made = self.base is None or self.layers == 1 or self.has_costs
         return 0 if are_made else self.arcs * (2 * np.dtype(np.int32).itemsize + self.criteria * self.indptr.itemsize)
 
     @property
@@ -100,16 +151,15 @@ class ExtendedGraph(Graph):
             return super().tables
         return (self.indptr, *self.base.tables, *self.added)
 
-    @property
-    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray, int]:
-        """Arrays of the base: see :attr:`.Graph.rows_of_turns`.
+    def rows_of_turns(self, column: int) -> tuple[IntArray, NDArray[np.int32], BoolArray, IntArray, int]:
+        """Return arrays of the base: see :meth:`.Graph.rows_of_turns`.
 
         Added arcs are no turns within groups, so nothing is copied.
         """
-        if self.base is None or "costs" in vars(self):
-            return super().rows_of_turns
-        indptr, heads, costs, *_ = self.base.rows_of_turns
-        return indptr, heads, costs, self.indptr, self.base.nodes
+        if self.base is None or self.has_costs:
+            return super().rows_of_turns(column)
+        indptr, heads, is_raised, *_ = self.base.rows_of_turns(column)
+        return indptr, heads, is_raised, self.indptr, self.base.nodes
 
 
 def _read_only(array: NDArray[N]) -> NDArray[N]:

@@ -43,8 +43,7 @@ AGGREGATES = ("sum", "max")
 class Graph:
     """Directed graph with k non-negative integer costs on every arc.
 
-    Self-loops and parallel arcs are allowed. A cost of a path is the sum over its arcs ("sum"), or the largest of them
-    ("max", a bottleneck).
+    Self-loops and parallel arcs are allowed. A path costs the sum over its arcs ("sum"), or the largest ("max").
 
     indptr      (n + 1,)  int64  the arcs that leave node u are indptr[u] : indptr[u + 1]
     heads       (m,)      int32  the node to which an arc leads
@@ -120,8 +119,7 @@ class Graph:
     @cached_property
     def largest(self) -> IntArray:
         """Largest value (k,) of each cost over all arcs, 0 without arcs."""
-        columns = (self.costs[:, j] for j in range(self.criteria))  # much faster than max(axis=0)
-        return np.array([column.max(initial=0) for column in columns], np.int64)
+        return np.array([self.cost(j).max(initial=0) for j in range(self.criteria)], np.int64)
 
     @property
     def arcs(self) -> int:
@@ -164,9 +162,8 @@ class Graph:
             heads_, costs_ = heads_[order], costs_[order]
         indptr = np.zeros(n + 1, np.int64)
         np.cumsum(np.bincount(tails_, minlength=n), out=indptr[1:])
-        kinds = aggregates_of(aggregates, costs_)
         make_read_only(indptr, heads_, costs_, order)
-        return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), kinds)
+        return cls(indptr, cast(Any, heads_), costs_, cast(Any, order), aggregates_of(aggregates, costs_))
 
     @classmethod
     def from_csr(
@@ -189,9 +186,8 @@ class Graph:
         """
         costs_ = integers(costs, "costs", np.int64)
         order = np.arange(len(costs_) if costs_.ndim else 0, dtype=np.int32)
-        kinds = aggregates_of(aggregates, costs_)
         make_read_only(costs_, order)
-        return cls(cast(Any, indptr), cast(Any, heads), costs_, order, kinds)
+        return cls(cast(Any, indptr), cast(Any, heads), costs_, order, aggregates_of(aggregates, costs_))
 
     @classmethod
     def from_networkx(
@@ -213,8 +209,7 @@ class Graph:
         (:func:`hpop.frontier.default_quanta`). The exact costs of paths, summed from the attributes, are in
         :attr:`.ParetoPaths.values`.
 
-        Raises GraphError if `g` is no networkx graph, if an edge lacks an attribute, and for a cost that is negative or
-        no finite number.
+        Raises GraphError for no networkx graph, for a missing attribute, and for a cost that is negative or not finite.
 
         >>> import networkx as nx
         >>> g = nx.Graph()
@@ -261,10 +256,12 @@ class Graph:
         number[nodes] = np.arange(len(nodes))
         arcs = np.concatenate([np.arange(self.indptr[u], self.indptr[u + 1]) for u in nodes])
         tails = np.repeat(np.arange(len(nodes)), self.indptr[nodes + 1] - self.indptr[nodes])
-        inside = number[self.heads[arcs]] >= 0
-        arcs, tails = arcs[inside], tails[inside]
-        part = self.from_arcs(len(nodes), tails, number[self.heads[arcs]], self.costs[arcs], aggregates=self.aggregates)
-        return replace(part, arc=cast(Any, arcs[part.arc]))
+        heads, costs = self.ends_and_costs(arcs)
+        inside = number[heads] >= 0
+        part = self.from_arcs(
+            len(nodes), tails[inside], number[heads[inside]], costs[inside], aggregates=self.aggregates
+        )
+        return replace(part, arc=cast(Any, arcs[inside][part.arc]))
 
     def without(self, left_out: BoolArray) -> Self:
         """Return the graph without the marked arcs, a mask (m,); its `arc` has indices of arcs in this graph.
@@ -311,7 +308,7 @@ class Graph:
         part = Graph.from_arcs(nodes, tails, heads, costs, aggregates=self.aggregates)  # these alone are checked
         graph = ExtendedGraph.of(self, part, layers)
         check_sums(graph)
-        return graph if is_reused else graph.copied()
+        return graph if is_reused or not self.has_costs else graph.copied()
 
     @property
     def layer(self) -> Graph:
@@ -327,8 +324,8 @@ class Graph:
         """Return the same graph with its own arrays of all arcs, and without a base."""
         return self
 
-    def ends_and_costs(self, arcs: IntArray) -> tuple[NDArray[np.int32], IntArray]:
-        """Return the heads (N,) and costs (N, k) of N arcs, given by their indices."""
+    def ends_and_costs(self, arcs: NDArray[np.integer[Any]] | slice) -> tuple[NDArray[np.int32], IntArray]:
+        """Return the heads (N,) and costs (N, k) of N arcs, given by indices or a range."""
         return self.heads[arcs], self.costs[arcs]
 
     @property
@@ -346,14 +343,24 @@ class Graph:
         """Arrays that define the arcs and their costs."""
         return self.indptr, self.heads, self.costs
 
-    @property
-    def rows_of_turns(self) -> tuple[IntArray, NDArray[np.int32], IntArray, IntArray, int]:
-        """Arcs of one layer, which include all turns within groups, and their position in this graph.
+    def rows_of_turns(self, column: int) -> tuple[IntArray, NDArray[np.int32], BoolArray, IntArray, int]:
+        """Return the arcs of one layer, which include all turns within groups, and their position in this graph.
 
-        The values are offsets, heads and costs of the arcs of one layer, the offsets of all arcs of this graph, and the
-        number of nodes of a layer. In this graph each node has the arcs of its layer first, then added arcs.
+        The values are offsets and heads of the arcs of one layer, a mask of those with a positive cost in ``column``,
+        the offsets of all arcs of this graph, and the number of nodes of a layer. Added arcs of a node come last.
         """
-        return self.indptr, self.heads, self.costs, self.indptr, self.nodes
+        if ("raised", column) not in self.cache:
+            self.cache["raised", column] = self.cost(column) > 0
+        return self.indptr, self.heads, self.cache["raised", column], self.indptr, self.nodes
+
+    @property
+    def has_costs(self) -> bool:
+        """True if the array :attr:`costs` exists; some graphs make it when it is first read."""
+        return "costs" in vars(self)
+
+    def cost(self, column: int, part: slice = slice(None)) -> NDArray[Any]:
+        """Return one cost of the arcs in a range."""
+        return self.costs[part, column]
 
     @cached_property
     def cache(self) -> dict[Hashable, Any]:

@@ -1,4 +1,4 @@
-"""Graphs with a few nodes and arcs beside a base: against graphs of all arcs, and without a copy of the base."""
+"""Graphs without arrays of all arcs and costs: against graphs with these arrays, and without making them."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from hpop.search import Graph, pareto_paths
+from hpop.search.extended import CompactGraph
+from hpop.search.machinery import turn_costs
 
 CELLS, HEADINGS = 40, 4
 
@@ -83,3 +85,56 @@ def test_searches_that_read_all_arcs_copy_them(method):
     ]
     assert fronts[0].costs.tolist() == fronts[1].costs.tolist()
     assert len(fronts[1])
+
+
+def compact(graph: Graph) -> CompactGraph:
+    """Return the graph with its costs as columns of 16 bits."""
+    return CompactGraph.of(graph.indptr, graph.heads, graph.costs.T.astype(np.uint16).copy(), graph.aggregates)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_compact_lattices_have_the_fronts_of_all_walks(lattice, closure, monkeypatch, seed):
+    monkeypatch.setattr(turn_costs, "PART", 40)  # the costs of few groups are copied at a time
+    whole = lattice(seed, width=4)
+    graph, target = compact(whole), whole.nodes - 1
+    found = pareto_paths(graph, 0, target, method="staircase")
+    assert found.costs.tolist() == [list(vector) for vector in closure(whole, 0, {target})]
+    for i, path in enumerate(found.places):
+        assert (whole.costs[path].sum(axis=0) == found.costs[i]).all()
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("with_joins", [False, True])
+def test_compact_graphs_equal_those_with_arrays_of_all_costs(lattice, monkeypatch, seed, with_joins):
+    monkeypatch.setattr(turn_costs, "PART", 100)
+    whole = lattice(seed, width=8, turn_rest=seed % 2)
+    whole = Graph.from_csr(whole.indptr, whole.heads, whole.costs * (50, 1, 70))  # turns are the smallest cost
+    graphs = [compact(whole), whole]
+    if with_joins:
+        graphs = [with_ends(graph, np.random.default_rng(seed), is_reused=False) for graph in graphs]
+    source, target = graphs[0].nodes - 2 if with_joins else 0, graphs[0].nodes - 1
+    for eps in (0.0, 0.1):
+        small, large = (pareto_paths(graph, source, target, eps=eps) for graph in graphs)
+        assert small.costs.tolist() == large.costs.tolist()
+        assert [path.tolist() for path in small.places] == [path.tolist() for path in large.places]
+        assert small.stats.labels_generated == large.stats.labels_generated
+        assert with_joins or not graphs[0].has_costs
+    for name in ("indptr", "heads", "costs", "arc", "largest"):
+        assert (getattr(graphs[0], name) == getattr(graphs[1], name)).all(), name
+    assert graphs[0].has_costs
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(50))
+def test_compact_lattices_of_mid_size_need_as_many_labels_as_with_all_costs(lattice, seed):
+    whole = lattice(seed, width=14)
+    whole = Graph.from_csr(whole.indptr, whole.heads, whole.costs * (50, 1, 70))
+    graph = compact(whole)
+    for eps in (0.0, 0.02):
+        small, large = (pareto_paths(g, 0, whole.nodes - 1, eps=eps) for g in (graph, whole))
+        assert small.costs.tolist() == large.costs.tolist()
+        assert (small.stats.labels_generated, small.stats.labels_expanded) == (
+            large.stats.labels_generated,
+            large.stats.labels_expanded,
+        )
+    assert not graph.has_costs

@@ -178,7 +178,7 @@ def summed_columns(graph: Graph) -> list[int]:
 def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> bool:
     """Return whether the cost of a column is positive for every arc with a turn; ``turned`` (m,) counts turns."""
     if graph.base is None:
-        return not any(((graph.costs[part, column] == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
+        return not any(((graph.cost(column, part) == 0) & (turned[part] > 0)).any() for part in blocks(graph.arcs))
     added, cache, name = graph.added, graph.base.cache, ("charges every turn", column)
     if name not in cache:
         cache[name] = _charges_every_turn(graph.base, column, _turned_in_base(graph, turned))

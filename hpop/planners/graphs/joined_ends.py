@@ -281,10 +281,11 @@ class JoinedEnds(WrappedGraph):
     def graph(self, criteria: Sequence[Criterion]) -> Graph:
         """Return the search graph with costs; at each node, the arcs of the inner graph come first, then the joins."""
         inner, joins = self.inner.graph(criteria), self.joins
-        self.spending.check("start and goal were joined", inner.heads.nbytes + inner.costs.nbytes)
+        copies = inner.arcs * (4 + 8 * len(criteria))
+        self.spending.check("start and goal were joined", copies)
         costs, is_reused = joins.costs(criteria), self.inner.is_reused
         if is_reused:  # the inner graph stays in memory, and some searches copy its arcs
-            self.spending.hold(inner.heads.nbytes + inner.costs.nbytes, "start and goal were joined")
+            self.spending.hold(copies, "start and goal were joined")
         return inner.extended(self.size, joins.tails, joins.heads, costs, is_reused=is_reused)
 
     def costed_in(self, world: World) -> JoinedEnds:

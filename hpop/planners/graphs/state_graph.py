@@ -27,6 +27,7 @@ from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, ag
 from hpop.planners.objectives import quantised
 from hpop.runtime import limits
 from hpop.search import Graph
+from hpop.search.extended import CompactGraph
 
 if TYPE_CHECKING:
     from hpop.models.base import PlanarModel
@@ -265,10 +266,13 @@ class StateGraph(TrajectoryGraph):
     def _costed_graph(self, criteria: Sequence[Criterion]) -> Graph:
         arcs = self.arcs
         self.spending.hold(arcs.heads.size * (8 * len(criteria) + ARC), f"{self.words} was built")
+        columns = self._columns(criteria)
+        if len(columns) == 3 and any(column.max(initial=0) == 1 for column in columns):  # one counts turns
+            return CompactGraph.of(arcs.start, arcs.heads, columns, aggregates(criteria))
         return Graph.from_csr(
             arcs.start,
             arcs.heads,
-            table(self._columns(criteria), arcs.heads.size),
+            table(columns, arcs.heads.size),
             aggregates=aggregates(criteria),
         )
 

@@ -300,7 +300,7 @@ def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray
     k = graph.criteria
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
-        if graph.base is not None and h[j, source] < UNREACHABLE:
+        if not graph.has_costs and h[j, source] < UNREACHABLE:
             vectors[j] = _costs_of_path(graph, _path(onward[j], source), j, h[j])
         elif h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))

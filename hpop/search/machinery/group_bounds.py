@@ -112,7 +112,7 @@ class GroupSearches:
     def __init__(self, graph: Graph, targets: IntArray, clock: Clock, groups: Groups) -> None:
         self.clock, self.groups = clock, groups
         n, k, group = graph.nodes, graph.criteria, _group_of_nodes(groups)
-        is_extended = groups.plain is not None  # then the base has these groups too
+        is_extended = graph.base is not None and groups.plain is not None  # then the base has these groups too
         layer, layers = (graph.layer, graph.layers) if is_extended else (graph, 1)
         packed = PackedArcs.of(layer, layer.cache["groups", groups.column] if is_extended else groups, clock)
         rows = np.zeros((len(groups.rows), SHIFT + 1), np.int32)

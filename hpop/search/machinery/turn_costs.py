@@ -7,6 +7,7 @@ row of ``rows`` (g, 3): its first node (OFFSET), number of nodes (SIZE) and firs
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,12 +16,14 @@ from numpy.typing import NDArray
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import kernel
 from hpop.runtime.status import Status
+from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 
 OFFSET, SIZE, TURNS, GROUP_COLUMNS = range(4)
 FEW_PAIRS = 2**16  # number of columns of the table at first; as groups share them, they suffice for most graphs
 SLOTS, PROBES = 2**12, 8  # size of the hash table of groups, and number of slots that are tried for a group
 CHECKSUM = 2**40 - 1
+PART = 2**19  # number of arcs whose costs are copied at a time
 
 
 class NoRoom(Exception):
@@ -33,29 +36,56 @@ def check_room(clock: Clock, memory: int) -> None:
         raise NoRoom
 
 
-def shared_turns(criteria: int, tables: tuple[Any, ...], memory: int, clock: Clock) -> IntArray:
+def parts_of_arcs(
+    graph: Graph, nodes: IntArray, rows: IntArray
+) -> Iterator[tuple[tuple[int, int], tuple[int, int], tuple[Any, ...]]]:
+    """Yield ranges of groups, the ranges of their nodes, and arcs: offsets of all nodes, and heads and costs.
+
+    Without an array of all costs, the costs of one range are copied at a time, and the offsets of its nodes count from
+    its first arc.
+
+    nodes, rows  numbers of nodes and groups, see :class:`.Groups`
+    """
+    if graph.has_costs or graph.base is not None or (nodes[:-1] > nodes[1:]).any():
+        yield (0, len(rows)), (0, graph.nodes), (graph.indptr, graph.heads, graph.costs)
+        return
+    ends, offsets = np.append(rows[:, OFFSET], graph.nodes), np.empty_like(graph.indptr)
+    step = max(1, len(rows) * PART // max(1, graph.arcs))
+    for first in range(0, len(rows), step):
+        last = min(first + step, len(rows))
+        begin, end = ends[[first, last]].tolist()
+        arcs = slice(int(graph.indptr[begin]), int(graph.indptr[end]))
+        offsets[begin : end + 1] = graph.indptr[begin : end + 1] - arcs.start
+        yield (first, last), (begin, end), (offsets, *graph.ends_and_costs(arcs))
+
+
+def shared_turns(
+    criteria: int, rows: IntArray, parts: Iterable[tuple[Any, ...]], memory: int, clock: Clock
+) -> IntArray:
     """Return the table (k, t) of turn costs of all groups, and write each group's first column in it to ``rows``.
 
     Groups with equal costs share their columns.
 
     criteria  number of costs, k
-    tables    first arguments of :func:`write_turn_costs`, up to ``rows``
+    rows      (g, 3)  all groups
+    parts     first arguments of :func:`write_turn_costs`, up to ``rows``, for each range of groups
     memory    bytes in use already
     clock     its memory limit applies; NoRoom is raised if the table does not fit
     """
-    rows = tables[-1]
     pairs = int((rows[:, SIZE] ** 2).sum())
     turns = np.zeros((criteria, min(pairs, FEW_PAIRS)), np.int64)
-    slots, done, used = np.zeros((SLOTS, 3), np.int64), 0, 0
-    while True:
-        done, used = clock.call(write_turn_costs, *tables, done, used, turns, slots)
-        if done == len(rows):
-            break
-        columns = min(pairs, 4 * turns.shape[1])
-        check_room(clock, memory + (columns + turns.shape[1]) * criteria * turns.itemsize)
-        larger = np.zeros((criteria, columns), np.int64)
-        larger[:, :used] = turns[:, :used]
-        turns = larger
+    slots, used = np.zeros((SLOTS, 3), np.int64), 0
+    for tables in parts:
+        done = 0
+        while True:
+            done, used = clock.call(write_turn_costs, *tables, done, used, turns, slots)
+            if done == len(tables[-1]):
+                break
+            columns = min(pairs, 4 * turns.shape[1])
+            check_room(clock, memory + (columns + turns.shape[1]) * criteria * turns.itemsize)
+            larger = np.zeros((criteria, columns), np.int64)
+            larger[:, :used] = turns[:, :used]
+            turns = larger
     return np.concatenate([turns[:, :used], np.zeros((criteria, 1), np.int64)], axis=1)  # single nodes do not turn
 
 

@@ -40,6 +40,7 @@ from hpop.search.machinery.turn_costs import (
     NoRoom,
     check_room,
     no_dearer_than_two,
+    parts_of_arcs,
     shared_turns,
 )
 
@@ -69,9 +70,9 @@ class Groups:
     start       (n + 1,)  the plain arcs of the node with the new number v are start[v] : start[v + 1]
     heads       (m,)      heads of the plain arcs, in new numbers
     origin      (m,)      indices of the plain arcs in the graph
-    plain       (p, k)    costs of the plain arcs of a graph whose arcs are not copied from its base, or None; the
-                          layers of a graph share them
-    priced      (m,)      row of each plain arc in ``plain``, or None
+    plain       (p, k)    costs of the plain arcs of a graph without an array of all costs, or None; the layers of a
+                          graph share them
+    priced      (m,)      row of each plain arc in ``plain``; None if each has its own row, in their order
     """
 
     column: int
@@ -95,9 +96,10 @@ class Groups:
 
     def costs_of_arcs(self, graph: Graph) -> tuple[IntArray, NDArray[np.int32]]:
         """Return a table of arc costs, and the row of this table for each plain arc (m,)."""
-        if self.plain is None or self.priced is None:
+        if self.plain is None:
             return graph.costs, self.origin
-        return self.plain, self.priced
+        own = np.arange(len(self.plain), dtype=np.int32) if self.priced is None else self.priced
+        return self.plain, own
 
     @classmethod
     def of(cls, graph: Graph, clock: Clock, *, has_arcs: bool = True) -> Self:
@@ -167,7 +169,7 @@ class Groups:
             return replace(groups, start=self.start[:1], heads=self.heads[:0], origin=self.origin[:0])
         if name not in base.cache:
             costs, priced = self.costs_of_arcs(base)
-            base.cache[name] = costs[priced]
+            base.cache[name] = costs if self.plain is not None and self.priced is None else costs[priced]
         tails = np.searchsorted(graph.indptr, added.places, side="right") - 1
         order = np.argsort(new_number[tails], kind="stable")
         at = np.append(tiled(self.start[:-1], layers, m), np.full(len(ends) + 1, layers * m))
@@ -204,7 +206,8 @@ class Groups:
         group = np.full(graph.nodes, -1)
         entered = np.zeros(graph.nodes, np.bool_)
         entered[graph.heads] = True
-        tables = (graph.indptr, graph.heads, graph.costs, column, entered)
+        raised = (graph.costs, column) if graph.has_costs else (graph.cost(column).astype(np.int64)[:, None], 0)
+        tables = (graph.indptr, graph.heads, *raised, entered)
         count, step, turns = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
         if step == 0:
             return None
@@ -240,18 +243,34 @@ class Groups:
     ) -> Self:
         most = graph.nodes * NODE + rows.nbytes + plain * ARC
         check_room(clock, most)
-        new_number = np.empty(graph.nodes, np.int64)
-        new_number[nodes] = np.arange(graph.nodes)
+        new_number = nodes  # usually the numbers stay: one array, to save memory
+        if (nodes[:-1] > nodes[1:]).any():
+            new_number = np.empty(graph.nodes, np.int64)
+            new_number[nodes] = np.arange(graph.nodes)
         start = np.empty(graph.nodes + 1, np.int64)
         heads, origin = np.empty(plain, np.int32), np.empty(plain, np.int32)
         dearest = np.zeros((len(rows), graph.criteria), np.int64)
         alike = np.ones(graph.criteria, np.bool_)
-        tables = (graph.indptr, graph.heads, graph.costs, column, nodes, new_number, rows)
-        m = clock.call(separate_turns, *tables, start, heads, origin, dearest, alike)
+        numbers, m = (column, nodes, new_number), 0
+        for (first, last), (begin, end), part in parts_of_arcs(graph, nodes, rows):
+            own = (*part, *numbers, rows[first:last], start, heads[m:], origin[m:], dearest[first:last], alike)
+            moves = clock.call(separate_turns, *own)
+            start[begin:end] += m
+            origin[m : m + moves] += graph.indptr[begin].astype(np.int32)
+            m += moves
+        start[-1] = m
         turns = np.zeros((graph.criteria, 0), np.int64)
         if not alike.all():
-            turns = shared_turns(graph.criteria, tables, most, clock)
-        return cls(column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m])
+            parts = (
+                (*part, *numbers, rows[first:last]) for (first, last), _, part in parts_of_arcs(graph, nodes, rows)
+            )
+            turns = shared_turns(graph.criteria, rows, parts, most, clock)
+        own_costs = None if graph.has_costs else graph.ends_and_costs(origin[:m])[1]
+        if own_costs is not None:
+            own_costs.setflags(write=False)  # as the costs of a graph, for which kernels are compiled
+        return cls(
+            column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m], own_costs
+        )
 
 
 def _keeps_groups(graph: Graph, column: int) -> bool:

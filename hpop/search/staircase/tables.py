@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import IntArray
+from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.slices import N_ROWS, Clock
@@ -159,10 +159,9 @@ def copy_to_double_width(old: NDArray[Any], new: NDArray[Any], groups: NDArray[A
 def trace_paths(
     indptr: IntArray,
     heads: NDArray[np.int32],
-    costs: IntArray,
+    is_raised: BoolArray,
     first: IntArray,
     count: int,
-    index: int,
     arc_tails: NDArray[np.int32],
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
@@ -179,7 +178,8 @@ def trace_paths(
     the arcs of all paths to `steps`, path after path, each from its last arc to its first, as far as there is room, and
     the end of each path in this array to `ends` (n,). Returns the length that `steps` needs.
 
-    indptr, heads, costs  arcs of one layer that include the turns of groups; `index` is the column of the index cost
+    indptr, heads         arcs of one layer that include the turns of groups
+    is_raised             (m,)  mask of those arcs that raise the index cost
     first, count          (n + 1,) offsets of all arcs of all layers, of which a node has these first; nodes of a layer
     arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
     nodes                 (n,)  node of the graph for each node of the search
@@ -202,7 +202,7 @@ def trace_paths(
             if at != tail:
                 u, v = nodes[at] % count, nodes[tail] % count
                 for b in range(indptr[u], indptr[u + 1]):
-                    if size < len(steps) and heads[b] == v and costs[b, index] > 0:
+                    if size < len(steps) and heads[b] == v and is_raised[b]:
                         steps[size] = first[nodes[at]] + b - indptr[u]
                 size += 1
         ends[i] = size
