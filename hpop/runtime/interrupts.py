@@ -21,16 +21,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import cache
 from math import inf
-from queue import Empty, SimpleQueue
 from time import monotonic
 from types import FrameType
-from typing import Any, TypeVar
+from typing import Any
 
 # Signals that ask a process to end: after a batch job's time, or when the terminal closes. Some systems lack SIGHUP.
 ENDING = tuple(getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name))
 SIGNALS = (signal.SIGINT, *ENDING)  # on the command line, the signals ENDING act like Ctrl-C
 WAKING = 0.5  # s after which a loop that waits looks whether a Ctrl-C was lost
-T = TypeVar("T")
 Handler = Callable[[int, FrameType | None], Any]
 
 
@@ -66,7 +64,7 @@ def interrupts_noted() -> Iterator[Callable[[], None]]:
 
     Python loses a Ctrl-C in two ways. A signal that comes just before a wait in C does not end the wait. An exception
     that is raised in a finalizer or a weak reference's callback is printed, and dropped. A loop that waits for long
-    therefore wakes up every `WAKING` s, and calls the function; so do :func:`waited` and :func:`taken`.
+    therefore wakes up every `WAKING` s, and calls the function; so does :func:`waited`.
     """
     noted: list[int] = []
     handlers = _handlers()
@@ -90,15 +88,6 @@ def waited(event: threading.Event, seconds: float = inf) -> bool:
         while not event.wait(max(0.0, min(WAKING, last - monotonic()))) and monotonic() < last:
             check()
     return event.is_set()
-
-
-def taken(queue: SimpleQueue[T]) -> T:
-    """Wait for the next item of a queue, and return it. No Ctrl-C is lost meanwhile."""
-    with interrupts_noted() as check:
-        while True:
-            check()
-            with suppress(Empty):
-                return queue.get(timeout=WAKING)
 
 
 def _handlers() -> dict[signal.Signals, Handler]:

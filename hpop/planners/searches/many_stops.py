@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import closing, suppress
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from queue import Empty, SimpleQueue
-from threading import Event, Thread
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,16 +27,13 @@ from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.searches.fixed_stops import ENDS, FixedStops, Fronts, TourPaths, chosen_states, stages_of
 from hpop.planners.spending import Exhausted, Limits, Spending
-from hpop.runtime.interrupts import interrupts_held, taken
-from hpop.runtime.status import Progress, ProgressCallback, Status
+from hpop.runtime.status import Progress, Status
 from hpop.search import ParetoPaths, SearchStats
 
 if TYPE_CHECKING:
     from hpop.planners.searches.exact import ExactSearch
     from hpop.problems.problem import Problem
 
-A = TypeVar("A")
-B = TypeVar("B")
 MOST_ARCS = 8_000_000  # paths between sites, for all sets of decided stops; with more, the fronts are thinned
 THINNED = (1e-3, 3e-3, 1e-2, 3e-2, 0.1)  # relative errors that this may cause, tried one after another
 ORDER = "tours in the order of the shortest one"
@@ -184,24 +178,16 @@ class _Answer:
         """
         spending = self.fixed.query.space.spending
         missing = [pair for pair in self.fixed.pairs(parts) if pair not in self.fronts]
-
-        def front(pair: tuple[int, int], progress: ProgressCallback) -> ParetoPaths:
-            return self.fixed.front_between(
-                *pair, replace(spending.left(), checkpoint=None, progress=progress), self.share
-            )
-
-        # A memory limit is for one search at a time.
-        cores = 1 if spending.limits.max_memory is not None else spending.cores
-        with closing(in_threads(front, missing, cores)) as searches:
+        for done, pair in enumerate(missing, 1):
             try:
-                for done, (pair, found) in enumerate(searches):
-                    if not found.status.is_final:
-                        return found.status
-                    spending.hold(8 * found.all_arcs.size, "paths between stops were searched")
-                    self.fronts[pair] = found
-                    if spending.limits.progress:
-                        report = Progress("paths between stops", detail=f"{done + 1} of {len(missing)}")
-                        spending.limits.progress(report)
+                limits = replace(spending.left(), checkpoint=None, progress=None)
+                found = self.fixed.front_between(*pair, limits, self.share)
+                if not found.status.is_final:
+                    return found.status
+                spending.hold(8 * found.all_arcs.size, "paths between stops were searched")
+                self.fronts[pair] = found
+                if spending.limits.progress:
+                    spending.limits.progress(Progress("paths between stops", detail=f"{done} of {len(missing)}"))
             except Exhausted as stop:
                 return stop.status
         return Status.COMPLETE
@@ -349,48 +335,3 @@ def cover(costs: IntArray, eps: float) -> IntArray:
         if not (costs[kept] <= (1.0 + eps) * vector).all(axis=1).any():
             kept.append(row)
     return np.array(kept, np.int64)
-
-
-def in_threads(
-    work: Callable[[A, ProgressCallback], B], tasks: Sequence[A], cores: int
-) -> Generator[tuple[A, B], None, None]:
-    """Run searches in threads, the first one alone; yield each task with its result, in the order in which they end.
-
-    The first search compiles code and fills caches. If the iterator is closed early, or after Ctrl-C, the remaining
-    searches end when they next report progress, to the callback that ``work`` gets; then KeyboardInterrupt is raised in
-    their threads. Errors of a search are raised here.
-    """
-    waiting, ended, is_over = SimpleQueue[A](), SimpleQueue[tuple[A, B | BaseException]](), Event()
-
-    def stop(_: Progress) -> None:
-        if is_over.is_set():
-            raise KeyboardInterrupt
-
-    def run() -> None:
-        while not (is_over.is_set() or waiting.empty()):
-            with suppress(Empty):
-                task = waiting.get_nowait()
-                try:
-                    ended.put((task, work(task, stop)))
-                except BaseException as error:  # raised again below
-                    ended.put((task, error))
-
-    for task in tasks[:1]:
-        yield task, work(task, stop)
-    for task in tasks[1:]:
-        waiting.put(task)
-    threads = [Thread(target=run, name="hpop search", daemon=True) for _ in range(min(cores, len(tasks) - 1))]
-    try:
-        with interrupts_held():
-            for thread in threads:
-                thread.start()
-        for _ in tasks[1:]:
-            task, result = taken(ended)
-            if isinstance(result, BaseException):
-                raise result
-            yield task, result
-    finally:
-        is_over.set()
-        with interrupts_held():
-            for thread in threads:
-                thread.join()

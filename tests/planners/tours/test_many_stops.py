@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from contextlib import closing
 from dataclasses import replace
 from itertools import pairwise, permutations
 from pathlib import Path
@@ -25,11 +24,11 @@ from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.lattice import Lattice
 from hpop.planners.searches import fixed_stops, many_stops
 from hpop.planners.searches.fixed_stops import FixedStops, stages_of
-from hpop.planners.searches.many_stops import cover, in_order_of_shortest, in_threads
+from hpop.planners.searches.many_stops import cover, in_order_of_shortest
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Progress, ProgressCallback, Status
+from hpop.runtime.status import Progress, Status
 from hpop.trajectories.trajectory import Trajectory
 from tests.planners.tours.test_enumerated import CRITERIA, SIZE, add, drawn, kept, label_setting, of_hold, orders
 from tests.planners.tours.test_tours import EAST, LATTICE, NORTH, ROBOT, SEEN, WORLD, problem, sampled_visits
@@ -221,41 +220,6 @@ def test_after_ctrl_c_the_tours_found_before_are_the_result() -> None:
     *_, stage, last = Lattice(step=0.5, stop_states=1).stages(asked, interrupting)
     assert last.status is Status.INTERRUPTED
     assert last.planned.tolist() == stage.planned.tolist() != []
-
-
-@pytest.mark.seeds(1, of=20)
-def test_fronts_between_stops_are_equal_on_one_core_and_on_three(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    world, ends, stops, order = sites_drawn(seed, 4)
-    fronts = []
-    for cores in (1, 3):
-        monkeypatch.setattr("hpop.planners.spending.CORES", cores)
-        try:
-            asked = Problem(
-                world, SMALL, *ends, CRITERIA, tour=hpop.Tour([{**s, "optional": False} for s in stops], order)
-            )
-            fronts.append(asked.solve(Lattice(**PLAIN, stop_states=1)))
-        except QueryError:
-            pytest.skip("start, goal or a stop is blocked")
-    assert fronts[0].costs.tolist() == fronts[1].costs.tolist()
-    assert [t.describe() for t in fronts[0].trajectories] == [t.describe() for t in fronts[1].trajectories]
-
-
-def test_searches_in_threads_are_all_done_and_end_early_if_they_are_left() -> None:
-    def squared(task: int, _: ProgressCallback) -> int:
-        return task * task
-
-    def endless(task: int, progress: ProgressCallback) -> int:
-        while task > 1:
-            progress(Progress("search"))
-        return task
-
-    assert sorted(in_threads(squared, range(20), 3)) == [(task, task * task) for task in range(20)]
-    assert list(in_threads(squared, [], 3)) == []
-    with closing(in_threads(endless, range(4), 2)) as searches:
-        assert [next(searches), next(searches)] == [(0, 0), (1, 1)]
-    with closing(in_threads(lambda task, progress: 1 // (5 - task), range(9), 2)) as searches:  # noqa: SIM117
-        with pytest.raises(ZeroDivisionError):
-            list(searches)
 
 
 def test_fronts_that_make_too_many_arcs_are_thinned_and_the_claim_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
