@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 
 WHOLE = 1e-6  # of a quantum: rounding error allowed before a cost is rounded up
+SECOND = 1.0  # s: duration of a motion in place for which this error is allowed
 
 
 @dataclass(frozen=True)
@@ -174,11 +175,13 @@ def edge_objectives(criteria: Sequence[Criterion], planner_name: str) -> Objecti
     return Objectives(tuple(optimised), tuple(means), tuple(filters), tuple(notes))
 
 
-def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
+def quantised(costs: FloatArray, criterion: Criterion, noise: FloatArray | float = WHOLE) -> IntArray:
     """Return the costs (M,) of edges as whole numbers of the criterion's quantum, rounded up.
 
     The search replaces two turns at one position by a single turn, if that costs no more. Rounding up keeps this
-    comparison valid, but rounding to the nearest number would not: 0.4 + 0.4 would become 0, and 0.8 would become 1.
+    comparison valid, but rounding to the nearest number would not: 0.4 + 0.4 would become 0, and 0.8 would become 1. A
+    cost that exceeds a whole number by at most ``noise``, in quanta, is not rounded up.
+
     Raises OptionError if a cost is too many quanta; sums that overflow raise GraphError when the graph is made.
     """
     largest = float(costs.max(initial=0.0)) / criterion.quantum
@@ -187,9 +190,20 @@ def quantised(costs: FloatArray, criterion: Criterion) -> IntArray:
             f"an edge costs {costs.max()} {criterion.unit} in {criterion.name!r}, more than 2^52 times its quantum "
             f"{criterion.quantum}; give the problem a larger quantum in quanta"
         )
-    return np.ceil(costs / criterion.quantum - WHOLE).astype(np.int64)
+    return np.ceil(costs / criterion.quantum - noise).astype(np.int64)
+
+
+def rounding_noise(motions: Motions) -> FloatArray | float:
+    """Return the noise (M,) that :func:`quantised` ignores in the costs of motions.
+
+    For motions in place it is proportional to the duration, as most of their costs are at a position. An equal noise
+    for all turns would make two turns cost 0 and the turn that replaces them 1, if their costs were 0.8, 0.8 and 1.6
+    times this noise.
+    """
+    return WHOLE if {"x", "y"} & motions.law.varies else WHOLE * motions.duration / SECOND
 
 
 def motion_quanta(motions: Motions, criteria: Sequence[Criterion]) -> IntArray:
     """Return the costs (M, k) of motions, in quanta."""
-    return np.stack([quantised(motion_costs(criterion, motions), criterion) for criterion in criteria], axis=1)
+    noise = rounding_noise(motions)
+    return np.stack([quantised(motion_costs(criterion, motions), criterion, noise) for criterion in criteria], axis=1)

@@ -1,11 +1,14 @@
 """Edge costs as whole numbers of quanta: near the float, no shortcut lost."""
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import hpop
 from hpop.criteria import Length, Turns
-from hpop.planners.objectives import quantised
+from hpop.motions import Motions, States
+from hpop.planners.objectives import quantised, rounding_noise
 
 AMOUNTS = st.floats(0.0, 1e6, allow_nan=False)  # in quanta
 
@@ -35,3 +38,19 @@ def test_whole_numbers_stay_whatever_their_last_digit():
         0,
     ]
     assert quantised(np.array([0.0, 1.0, 2.0]), Turns()).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("whole", [0, 3])
+def test_no_turn_costs_more_than_two_whose_costs_are_near_the_rounding_noise(whole):
+    """Costs in proportion to the duration, from 0 to 4e-6 quanta a second beside whole numbers of quanta a second."""
+    yaw = np.arange(8) * np.pi / 4
+    a, b = (axis.ravel() for axis in np.meshgrid(yaw, yaw, indexing="ij"))
+    model = hpop.DifferentialDrive(radius=0.3)
+    turn = (b - a + np.pi) % (2 * np.pi) - np.pi
+    at = np.zeros_like(a)
+    motions = Motions(None, model, model.laws["turn"], States(x=at, y=at, yaw=a), States(x=at, y=at, yaw=a + turn))
+    for rate in whole + np.linspace(0.0, 4e-6, 81):
+        costs = rate * motions.duration * Length().quantum
+        table = quantised(costs, Length(), rounding_noise(motions)).reshape(8, 8)
+        assert (table[:, None, :] <= table[:, :, None] + table[None, :, :]).all()
+        assert (np.abs(table - rate * motions.duration.reshape(8, 8)) < 1 + 1e-5).all()

@@ -19,12 +19,11 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray, copied
 from hpop.criteria.base import Criterion
-from hpop.criteria.costs import motion_costs
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.motions.laws import SPEED
 from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
-from hpop.planners.objectives import quantised
+from hpop.planners.objectives import motion_quanta
 from hpop.runtime import limits
 from hpop.search import Graph
 from hpop.search.extended import CompactGraph
@@ -304,9 +303,9 @@ class StateGraph(TrajectoryGraph):
                 if len(alike) == len(missing):
                     continue
                 motions = self.motions(self.kinds[number], tails, heads)
-                for j in missing:
-                    if j not in alike:
-                        counts[j][own] = quantised(motion_costs(criteria[j], motions), criteria[j])
+                others = [j for j in missing if j not in alike]
+                for j, column in zip(others, motion_quanta(motions, [criteria[j] for j in others]).T, strict=True):
+                    counts[j][own] = column
             return part, [*counts.values()]
 
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):

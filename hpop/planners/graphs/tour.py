@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray, N, copied, inserted_in_layers
 from hpop.criteria.base import Criterion, index_of_role
-from hpop.criteria.costs import motion_costs
 from hpop.criteria.visits import missed_weights, weight_of
 from hpop.goals.tour import Tour
 from hpop.motions import HOLD, Motions, States
@@ -30,7 +29,7 @@ from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.state_graph import ARC, WrappedGraph
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph
-from hpop.planners.objectives import quantised
+from hpop.planners.objectives import motion_quanta, quantised
 from hpop.search import Graph
 from hpop.trajectories.trajectory import Trajectory
 
@@ -225,7 +224,7 @@ class TourGraph(WrappedGraph):
             start, end = States(**columns, **{CLOCK: clock}), States(**columns, **{CLOCK: clock + dwell})
             motions = Motions(self.world, self.model, HOLD, start, end)
             for j, criterion in enumerate(criteria):
-                costs[part, j] = quantised(motion_costs(criterion, motions), criterion)
+                costs[part, j] = motion_quanta(motions, [criterion])[:, 0]
         return costs
 
     @property

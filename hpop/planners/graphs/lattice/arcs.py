@@ -23,7 +23,7 @@ from hpop.motions import Motions, States
 from hpop.motions.states import LazyStates
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
 from hpop.planners.graphs.lattice.grid import steps_from
-from hpop.planners.objectives import quantised
+from hpop.planners.objectives import quantised, rounding_noise
 from hpop.runtime.limits import LimitPassed
 
 if TYPE_CHECKING:
@@ -82,7 +82,7 @@ def costs_anywhere(lattice: StateLattice, kind: str, criterion: Criterion) -> In
     if motions.recorded & PLACE or not is_valid or not (np.isfinite(costs) & (costs >= 0)).all():
         return None
     table = np.zeros((lattice.width, lattice.width), np.int64)
-    table[tails, heads] = quantised(costs.astype(np.float64), criterion)
+    table[tails, heads] = quantised(costs.astype(np.float64), criterion, rounding_noise(motions))
     return table
 
 

@@ -16,7 +16,7 @@ from hpop.criteria.costs import motion_costs
 from hpop.motions import lacking
 from hpop.planners.graphs.arcs import MOVE, Arcs
 from hpop.planners.graphs.lattice.graph import StateLattice
-from hpop.planners.objectives import quantised
+from hpop.planners.objectives import motion_quanta
 from hpop.search import Graph, machinery
 from hpop.world import World
 from hpop.world.geometry.cells import changed_boxes
@@ -66,7 +66,7 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
             changed |= affected
             column = counts.take(origin, mode="clip")  # new arcs get a wrong cost here, which is replaced below
             for rows, motions in lattice.motions_of(np.flatnonzero(is_new | affected)):
-                costs = quantised(motion_costs(criterion, motions), criterion)
+                costs = motion_quanta(motions, [criterion])[:, 0]
                 needed = np.min_scalar_type(int(costs.max(initial=0)))
                 column = column.astype(np.promote_types(column.dtype, needed), copy=False)
                 column[rows] = costs
