@@ -79,7 +79,7 @@ def unwound(step: float = 0.25) -> Comparison:
     """Return the shortest tour of the museum with a picture that turns with the robot, and with one that does not."""
     problem = tour()
     fixed = problem.solve(planner="lattice", step=step).lexicographic(["length", "turns"]).item
-    still = replace(fixed, model=replace(fixed.model, view="unwound"))
+    still = replace(fixed, model=hpop.ViewModel(fixed.model))
     rated = {"sickness, discomfort": (2.0, 1.0)}
     return Comparison("Suomalainen et al. 2022", problem, {"coupled": fixed, "unwound": still}, rated)
 

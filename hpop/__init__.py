@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hpop.models import PanTilt as PanTilt
     from hpop.models import SerialArm as SerialArm
     from hpop.models import TwoArms as TwoArms
+    from hpop.models import ViewModel as ViewModel
     from hpop.models.base import model as model
     from hpop.motions import Motions as Motions
     from hpop.planners import Lattice as Lattice

@@ -22,6 +22,7 @@ hpop.criteria.comfort.svc
 hpop.criteria.convex.ConvexCost
 hpop.criteria.others.metrics.zone_fractions
 hpop.batch
+hpop.ViewModel
 hpop.drive.Change
 hpop.drive.Commit
 hpop.drive.Event
@@ -85,6 +86,7 @@ hpop.models.laws.Turn
 hpop.models.laws.joint_laws
 hpop.models.laws.rest_to_rest
 hpop.models.speeds.speed_laws
+hpop.models.view.Restrictor
 hpop.motions.Coupled
 hpop.motions.Curve
 hpop.motions.Law

@@ -173,7 +173,10 @@ planners: Registry[type[Any]] = Registry(
 )
 graphs: Registry[type[Any]] = Registry("graph", "hpop.planners.graphs", "hpop.graphs", OptionError, parameter="option")
 goals: Registry[type] = Registry("goal", "hpop.goals", "hpop.goals", QueryError)
-models: Registry[type] = Registry("model", "hpop.models", "hpop.models", ModelError)
+IN_A_VIEW = "wrap the robot in a view: {view: {model: ..., turning: unwound, yaw: 0}}"
+models: Registry[type] = Registry(
+    "model", "hpop.models", "hpop.models", ModelError, advice={"view": IN_A_VIEW, "view_yaw": IN_A_VIEW}
+)
 readers: Registry[Callable[..., Any]] = Registry("reader", "hpop.world.readers.readers", "hpop.readers", MapError)
 formats: Registry[Callable[..., Any]] = Registry("format", "hpop.export", "hpop.formats", OptionError)
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray
+from hpop.base.arrays import BoolArray, Column
 from hpop.criteria.base import Criterion, index_of_role
 from hpop.goals import Goal
 from hpop.goals.approach import hidden_share, sees_target
@@ -36,7 +36,14 @@ Weights = Mapping[str, float]
 
 
 def landmark_seen(
-    world: World, model: Model, camera: Pose, size: int, landmark: Landmark, *, far: float, fov: float | None = None
+    world: World,
+    model: Model,
+    camera: Pose,
+    size: int,
+    landmark: Landmark,
+    *,
+    far: float,
+    view: tuple[Column, Column] | None = None,
 ) -> BoolArray:
     """Return whether the camera sees a landmark from each of its poses (N,).
 
@@ -44,9 +51,9 @@ def landmark_seen(
 
     size  number N of poses
     far   m    largest distance, in three dimensions
-    fov   rad  horizontal angle of view, without a vertical limit; None for the model's two angles
+    view  rad  horizontal and vertical angle of view, numbers or columns (N,); None for the model's two angles
     """
-    view = field_of_view(model, fov)
+    view = view or field_of_view(model)
     if height_varies(model):
         visible = sight_in_space.sees(world, camera, landmark, size, far=far)
         return np.asarray(visible * sight_in_space.in_view(camera, landmark, size, *view) > 0.0)

@@ -195,7 +195,7 @@ class Approach:
         states = trajectory.states.take(np.arange(size + 1))
         line = _Line.to(self, model, states.take([size]))
         owner = np.zeros(size + 1, np.int64)
-        off, turned, behind = line.errors(owner, model.pose(self.body, states))
+        off, turned, behind = line.errors(owner, model.carrier.pose(self.body, states))
         near = (off <= self.tolerance) & (turned <= self.angle)
         begins = near & (behind >= self.distance - self.tolerance)
         last = size
@@ -232,7 +232,7 @@ class Approach:
                 n: law.interpolate(n, start, end, np.full(motion.size, 0.5)) if n in law.varies else getattr(start, n)
                 for n in start.names
             })  # fmt: skip
-            off, turned, _ = line.errors(owner[motion], model.pose(self.body, middle))
+            off, turned, _ = line.errors(owner[motion], model.carrier.pose(self.body, middle))
             room, angle = self.tolerance - off, self.angle - turned
             kept[motion[(room < SLACK * self.tolerance) | (angle < SLACK * self.angle)]] = False
             metres, radians = model.extent(Motions(world, model, law, start, end))
@@ -261,7 +261,7 @@ class _Line:
     @classmethod
     def to(cls, approach: Approach, model: Model, ends: States) -> _Line:
         """Return the lines that end at states (N,)."""
-        pose, size = model.pose(approach.body, ends), ends.size
+        pose, size = model.carrier.pose(approach.body, ends), ends.size
         frame = _columns((pose.x, pose.y, pose.z, *pose.ahead, *pose.left), size)
         way = approach.direction or (0.0, 0.0, 0.0)
         if approach.axis is not None:

@@ -89,7 +89,7 @@ class InverseKinematics:
 
     def excess(self, states: States, low: FloatArray, high: FloatArray) -> FloatArray:
         """Return how far (M, k), with sign, coordinates of all regions are outside bounds (M, k) or (k,); 0 inside."""
-        columns = [each.coordinates(self.model.pose(each.body, states)) for each in self._regions]
+        columns = [each.coordinates(self.model.carrier.pose(each.body, states)) for each in self._regions]
         found = _stacked(tuple(chain.from_iterable(columns)), states.size)
         return found - np.clip(found, low, high)
 
@@ -150,11 +150,11 @@ class InverseKinematics:
 
     def _jacobian(self, states: States) -> FloatArray:
         """Return the derivatives (m, k, n) of the coordinates of all regions with respect to the state variables."""
-        poses = [self.model.pose(each.body, states) for each in self._regions]
+        poses = [self.model.carrier.pose(each.body, states) for each in self._regions]
         columns = []
         for name in self.space.names:
             rates = _unit_rates(states, name)
-            twists = [self.model.twist(each.body, states, rates) for each in self._regions]
+            twists = [self.model.carrier.twist(each.body, states, rates) for each in self._regions]
             parts = zip(self._regions, poses, twists, strict=True)
             each = (region.rates(pose, twist) for region, pose, twist in parts)
             columns.append(_stacked(tuple(chain.from_iterable(each)), states.size))

@@ -5,5 +5,6 @@ from hpop.models.mobile_arm import MobileArm
 from hpop.models.pan_tilt import PanTilt
 from hpop.models.serial_arm import SerialArm
 from hpop.models.two_arms import TwoArms
+from hpop.models.view import ViewModel
 
-__all__ = ["DifferentialDrive", "MobileArm", "PanTilt", "SerialArm", "TwoArms"]
+__all__ = ["DifferentialDrive", "MobileArm", "PanTilt", "SerialArm", "TwoArms", "ViewModel"]

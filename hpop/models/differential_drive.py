@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.base.options import LEAST, MOST, Angle, one_of, real, set_reals
+from hpop.base.options import LEAST, MOST, real, set_reals
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
@@ -97,9 +97,6 @@ def _curve_faults(model: DifferentialDrive, trajectory: Trajectory, curved: IntA
             yield f"{fault} in motion {i}, a {trajectory.kinds[i]}"
 
 
-FIXED, UNWOUND = "fixed", "unwound"  # values of `view`: the picture turns with the base, or software turns it back
-
-
 class WheelTrack(NamedTuple):
     """Speeds, m/s, and accelerations, m/s², of both wheels at sample times, s; each field is a column (N,)."""
 
@@ -157,9 +154,6 @@ class DifferentialDrive(PlanarModel):
                                turn; ``turn_rate`` is then the largest. None for the one ``turn_rate``
     turn_acceleration  rad/s²  of turns in place
     wheel_base         m       distance between the wheels
-    view               "fixed": the picture turns with the base; "unwound": software turns the picture of a 360-degree
-                       camera back as the base turns
-    view_yaw           rad     for "unwound": constant yaw in the world of the middle of the picture
     field_of_view      rad     angles of view (h, v): bearings within h/2 of the camera's yaw, elevations within
                                v/2 of its pitch; None for all round
 
@@ -179,8 +173,6 @@ class DifferentialDrive(PlanarModel):
     turn_rate: float = 1.5
     turn_acceleration: float = 3.0
     wheel_base: float = 0.4
-    view: str = FIXED
-    view_yaw: Angle = 0.0
     field_of_view: FieldOfView | None = None
     speeds: float | tuple[float, ...] | None = None
     turn_rates: float | tuple[float, ...] | None = None
@@ -200,8 +192,6 @@ class DifferentialDrive(PlanarModel):
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
         for name in (*lengths, *rates):
             object.__setattr__(self, name, float(getattr(self, name)))
-        object.__setattr__(self, "view", one_of("view", self.view, (FIXED, UNWOUND), error=ModelError))
-        set_reals(self, "view_yaw", least=-MOST, most=MOST, kind="an angle in rad", error=ModelError)
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
         if self.footprint is not None:
@@ -270,8 +260,7 @@ class DifferentialDrive(PlanarModel):
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:
         """Positions of the bodies "base" and "camera" on the base."""
-        view = self.view_yaw if self.view == UNWOUND else None
-        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height, view)}
+        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height)}
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
@@ -301,14 +290,6 @@ class DifferentialDrive(PlanarModel):
             a - half * change.yaw,
             a + half * change.yaw,
         )
-
-    def describe(self) -> dict[str, Any]:
-        """Return name and parameters for JSON.
-
-        view and view_yaw are left out for a fixed view, so that fronts saved before these options existed still match.
-        """
-        own = super().describe()[self.name]
-        return {self.name: {k: v for k, v in own.items() if self.view != FIXED or k not in ("view", "view_yaw")}}
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for motions sideways or backwards, wheels beyond their limits, and faults of speed classes."""

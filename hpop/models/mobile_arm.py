@@ -404,11 +404,9 @@ def _check_parts(arm: Any, base: Any) -> None:
         raise ModelError(
             f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"
         )
-    camera = with_optional_members(base, MODEL_DEFAULTS).mounts.get("camera")
-    if (camera is not None and camera.view is not None) or base.field_of_view is not None:
+    if with_optional_members(base, MODEL_DEFAULTS).field_of_view is not None:
         raise ModelError(
-            "view and field_of_view of the base must not be set, because the arm carries the camera; leave view out, "
-            "and set field_of_view for the arm"
+            "field_of_view of the base must not be set, because the arm carries the camera; set it for the arm"
         )
     if taken := [name for name in arm.joints if name in base.space.names]:
         raise ModelError(

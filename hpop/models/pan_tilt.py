@@ -18,7 +18,7 @@ from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.models.base import PlanarModel, model
 from hpop.models.collision.parts import Part
-from hpop.models.differential_drive import FIXED, SLOWEST, DifferentialDrive, OnBase
+from hpop.models.differential_drive import SLOWEST, DifferentialDrive, OnBase
 from hpop.models.joints import Stations, grid_of_stations, legs_of_joints, stop_faults, stops_of
 from hpop.models.laws import JointMove, Turn, Unwind, cruise_speed
 from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
@@ -359,10 +359,8 @@ def _check_base(base: Any) -> None:
         or "camera" not in with_optional_members(base, MODEL_DEFAULTS).mounts
     ):
         raise ModelError(f"{what}, got {shown(base)}")
-    if base.mounts["camera"].view is not None:
-        raise ModelError(
-            f"view of the base of a pan_tilt must be {FIXED!r}, since the head turns the camera; leave view out"
-        )
+    if base.carrier is not base:
+        raise ModelError("the base of a pan_tilt must be a robot without a view; give the pan_tilt to the view instead")
     if base.field_of_view is not None:
         raise ModelError(
             "field_of_view must be set for the pan_tilt, whose head carries the camera, but it is set for the base; "

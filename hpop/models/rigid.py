@@ -16,7 +16,7 @@ from hpop.base.options import LEAST, Angle, real
 from hpop.base.text import shown
 from hpop.errors import CriterionError, ModelError, UnsupportedCriterion
 from hpop.models.joints import Joint, carried_point, joint_sum, reach_of
-from hpop.motions import Body, Curve, Law, Model, Motions, States, integrated, is_curve
+from hpop.motions import Body, Curve, Instants, Law, Model, Motions, States, integrated, is_curve
 from hpop.motions.laws import follows
 from hpop.motions.states import Vector
 
@@ -26,15 +26,12 @@ from hpop.motions.states import Vector
 class Mount:
     """Position of a body on the base, m: ahead and to the left of the axis, and above the floor.
 
-    view  rad, fixed yaw in the world, for a 360-degree camera if software turns its picture back as the base turns;
-          None for a body that turns with the base
     on    joints that carry the body, from the base outwards; the position is given for joint values of 0
     """
 
     ahead: float = 0.0
     left: float = 0.0
     height: float = 0.0
-    view: float | None = None
     on: tuple[Joint, ...] = ()
 
     @property
@@ -68,7 +65,7 @@ class RigidPose:
 
     @property
     def yaw(self) -> Column:
-        return self.states.yaw if self.mount.view is None else np.full(self.states.size, self.mount.view)
+        return self.states.yaw
 
     @property
     def pitch(self) -> Column:
@@ -112,7 +109,7 @@ class RigidTwist:
 
     @property
     def rotation(self) -> Vector:
-        return 0.0, 0.0, self.rates.yaw if self.mount.view is None else 0.0
+        return 0.0, 0.0, self.rates.yaw
 
 
 @dataclass(frozen=True)
@@ -138,7 +135,7 @@ class RigidTwistRate:
 
     @property
     def rotation(self) -> Vector:
-        return 0.0, 0.0, self.changes.yaw if self.mount.view is None else 0.0
+        return 0.0, 0.0, self.changes.yaw
 
 
 @dataclass(frozen=True)
@@ -163,7 +160,7 @@ class CarriedPose(RigidPose):
 
     @property
     def yaw(self) -> Column:
-        return super().yaw + (0.0 if self.mount.view is not None else joint_sum(self.mount.on, "round", self.states))
+        return super().yaw + joint_sum(self.mount.on, "round", self.states)
 
 
 @dataclass(frozen=True)
@@ -178,12 +175,7 @@ class CarriedTwist(RigidTwist):
 
     @property
     def rotation(self) -> Vector:
-        turn_rate = super().rotation[2]
-        return (
-            0.0,
-            0.0,
-            turn_rate if self.mount.view is not None else turn_rate + joint_sum(self.mount.on, "round", self.rates),
-        )
+        return 0.0, 0.0, super().rotation[2] + joint_sum(self.mount.on, "round", self.rates)
 
 
 @dataclass(frozen=True)
@@ -198,12 +190,7 @@ class CarriedTwistRate(RigidTwistRate):
 
     @property
     def rotation(self) -> Vector:
-        change = super().rotation[2]
-        return (
-            0.0,
-            0.0,
-            change if self.mount.view is not None else change + joint_sum(self.mount.on, "round", self.changes),
-        )
+        return 0.0, 0.0, super().rotation[2] + joint_sum(self.mount.on, "round", self.changes)
 
 
 @runtime_checkable
@@ -242,8 +229,8 @@ def motion_bounds(motions: Motions, lever: float) -> tuple[Column, Column]:
 def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
     """Return how a body mounted on the base moves in each motion, in closed form.
 
-    It turns with the base, unless its mount has a ``view``, and moves on an arc if it is off the axis. On curves the
-    path length of a body off the axis has no closed form and is integrated numerically.
+    It turns with the base, and moves on an arc if it is off the axis. On curves the path length of a body off the axis
+    has no closed form and is integrated numerically.
     """
     m, law = motions, cast(PlanarLaw, motions.law)
     rotation = law.turned(m.start, m.end)
@@ -255,9 +242,6 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
         turned, turns = curve.swept(m.start, m.end), m.turns or curve.bends(m.start, m.end)
         if mount.lever:
             length = m.integrate(lambda s: norm(s.twist(name).velocity))
-    if mount.view is not None:
-        rotation = turned = 0.0 * rotation
-        turns = (rotation,)
     return Body(
         start=m.model.pose(name, m.start),
         end=m.model.pose(name, m.end),
@@ -266,7 +250,7 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
         rotation=rotation,
         turns=turns,
         stays=not law.varies & {"x", "y"} and not (mount.lever and "yaw" in law.varies),
-        steady="yaw" not in law.varies or mount.view is not None,
+        steady="yaw" not in law.varies,
         upright=True,
     )
 
@@ -287,7 +271,7 @@ def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
     """
     law, joints = motions.law, {joint.name: joint.along for joint in mount.on}
     turning = {"yaw", *(joint for joint, along in joints.items() if along == "round")}
-    if is_planar(law) and not is_curve(law) and not law.varies & joints.keys() and mount.view is None:
+    if is_planar(law) and not is_curve(law) and not law.varies & joints.keys():
         body = turned_body(name, motions)
     else:
         body = integrated(name, motions)
@@ -295,7 +279,7 @@ def carried_body(name: str, mount: Mount, motions: Motions) -> Body:
         body,
         upright=True,
         stays=not law.varies & {"x", "y", "yaw", *joints},
-        steady=mount.view is not None or not law.varies & turning,
+        steady=not law.varies & turning,
     )
 
 
@@ -334,6 +318,19 @@ def field_of_view(model: Model, fov: float | None = None) -> FieldOfView:
     if fov is not None:
         return fov, ALL[1]
     return model.field_of_view or ALL
+
+
+def view_angles(s: Instants, model: Model, fov: float | None = None) -> tuple[Column, Column]:
+    """Return the angles of view (N,), rad, at moments, as :func:`field_of_view`; narrowed by the model's restrictor.
+
+    ``fov`` replaces the model's view, restrictor included.
+    """
+    widest = field_of_view(model, fov)
+    if fov is not None or model.restrictor is None:
+        return widest
+    twist = s.twist("camera")
+    narrowed: tuple[Column, Column] = model.restrictor.angles(widest, norm(twist.velocity), norm(twist.rotation))
+    return narrowed
 
 
 def checked_fov(fov: float | None) -> float | None:

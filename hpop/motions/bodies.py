@@ -128,6 +128,11 @@ class Instants:
         self.changes = LazyStates(names, size, second, set())
 
     @property
+    def model(self) -> Model:
+        """Model of the robot."""
+        return self._model
+
+    @property
     def t(self) -> Column:
         """Time of each moment, s, from the start of the trajectory."""
         self.read.add("t")

@@ -161,6 +161,9 @@ class Model(Protocol):
     name           name in the registry; default: the name of the class
     field_of_view  (horizontal, vertical) angles of the camera, rad; default None, a view all round
                    (:mod:`hpop.models.rigid`)
+    restrictor     narrows the field of view by the camera's speed and angular speed
+                   (:class:`hpop.models.view.Restrictor`); default None
+    carrier        the robot as it is built, without what software does to its view; default the model itself
     bodies         method: takes states (N,), returns the bodies that can hide a target from the camera and are drawn,
                    as pairs of a shape of :mod:`hpop.world.geometry.solids` and its poses (N, 4, 4); default ()
     parts          collision geometry, in any form that the model chooses; default ()
@@ -262,6 +265,14 @@ class Model(Protocol):
         @property
         def field_of_view(self) -> tuple[float, float] | None:
             return None
+
+        @property
+        def restrictor(self) -> Any:
+            return None
+
+        @property
+        def carrier(self) -> Model:
+            return self
 
         def bodies(self, states: States) -> Sequence[tuple[Any, FloatArray]]:
             return ()
@@ -393,6 +404,8 @@ def _judge_by(model: Model, library: str, world: World) -> Collision:
 MODEL_DEFAULTS: dict[str, Any] = {
     "name": _Name(),
     "field_of_view": None,
+    "restrictor": None,
+    "carrier": property(lambda model: model),
     "bodies": lambda model, states: (),
     "parts": (),
     "platform": _Platform(),

@@ -7,6 +7,7 @@
                                             # point_cloud, solids, a reader of an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
+    view: {turning: unwound}                # optional: the picture of its 360-degree camera is turned back (or: level)
     start: [2.0, 3.0, 0]                    # x m, y m, yaw rad, or "90 deg"; or by name, {x: 2.0, y: 3.0, yaw: 0}
     goal: [21.0, 9.0, any]                  # any: any heading; a list of goals: any of them
     # goal: {look_at: {target: [21, 9, 1.5], distance: [0.8, 2]}}    # or a goal for a body (`hpop goals`)
@@ -146,6 +147,8 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     if reader is None:
         faults.one_world(given.get("world"))
     model = faults.built(models, given.get("model", DEFAULT_MODEL), ("model",))
+    if isinstance(view := given.get("view"), dict):
+        model = _viewed(faults, view, model)
     wanted = [faults.built(criteria, spec, ("criteria", i)) for i, spec in enumerate(entries(given.get("criteria")))]
     asked = given.get("planner", DEFAULT_PLANNER)
     chosen = (
@@ -213,6 +216,16 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
         problem = copied(problem, read_seconds=read_seconds, read_memory=spending.memory)
     faults.raise_all()
     return Scenario(problem, tuple(cast(list[Planner], chosen)), document.path, preference)
+
+
+def _viewed(faults: Faults, view: dict[str, Any], robot: object) -> object:
+    """Return the view that a scenario asks for, of its robot; None if either has a fault."""
+    if "model" in view:
+        faults.add(("view", "model"), "the robot of the view is given by model, beside view; move it there")
+    made: Any = faults.built(models, {"view": {key: value for key, value in view.items() if key != "model"}}, ())
+    with faults.collected(("view",)):
+        return made and robot and dataclasses.replace(made, model=robot)
+    return None
 
 
 def _fitting(faults: Faults, tour: Tour, model: Model, world: World) -> Tour:

@@ -142,6 +142,7 @@ FREE: Schema = {"anyOf": [*ANGLE["anyOf"], {"const": "any"}]}
 KEYS = {
     "world": "the map: exactly one reader with its file and options, or polygons or solids written out",
     "model": "the robot: a name, or one name with its parameters (`hpop models`)",
+    "view": "what the viewer sees of a 360-degree camera: turned back wholly or to a level horizon, and restricted",
     "start": "a state of the robot: of a base [x m, y m, yaw rad], the yaw also as '90 deg'; or by name, {x: 1, ...}",
     "goal": "a state, whose angles may be 'any'; or a goal such as look_at (`hpop goals`); or a list of alternatives",
     "criteria": "costs to minimise, all at once: names, or names with parameters (`hpop criteria`)",
@@ -181,11 +182,14 @@ def scenario_schema(*, at_home: bool = False) -> Schema:
     keys = cast(Schema, _form(ScenarioFile)["properties"])
     keys |= {key: {"type": "array", "items": _of(key)} for key in ENTRIES}
     goal = [_state(FREE), _of("goal")]
+    view = _named({"view": models["view"]})["properties"]["view"]
+    (form,) = (one for one in view.get("anyOf", [view]) if "properties" in one)
     keys |= {
         "world": _of("world"),
         "choose": _described(_form(Choose), parameter_docs(Choose)),
         "tour": _tour(at_home=at_home),
         "model": _of("model") | {"default": DEFAULT_MODEL},
+        "view": {**form, "properties": {key: one for key, one in form["properties"].items() if key != "model"}},
         "start": _state(ANGLE),
         "goal": {"anyOf": [*goal, {"type": "array", "minItems": 1, "items": {"anyOf": goal}}]},
         "criteria": {"type": "array", "minItems": 1, "items": _of("criterion")},

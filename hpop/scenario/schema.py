@@ -380,6 +380,7 @@ class ScenarioFile(_Strict):
 
     world: WorldSection
     model: str | Named = DEFAULT_MODEL
+    view: Entry | None = None  # parameters of the model "view"
     start: Any  # the model checks these two
     goal: Any
     criteria: list[str | Named] = Field(min_length=1)

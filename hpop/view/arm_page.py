@@ -72,7 +72,7 @@ def save_arm_page(problem: Problem | SerialArm, path: str | os.PathLike[str] = "
 def arm_payload(problem: Problem | SerialArm) -> dict[str, Any]:
     """Return the data of the page: JSON, `hpop-arm` version 1, read by web/src/arm/model.ts."""
     if isinstance(problem, Problem):
-        arm, world, targets = problem.model, problem.world, targets_by_name(problem)
+        arm, world, targets = problem.model.carrier, problem.world, targets_by_name(problem)
     else:
         arm, world, targets = problem, World.from_solids([], extent=shapely.box(-1, -1, 1, 1)), []
     collision = arm.collision(world)

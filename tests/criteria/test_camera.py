@@ -81,7 +81,7 @@ def test_a_pan_is_to_the_user_what_a_turn_is(angle):
 
 def test_a_head_that_turns_back_is_to_the_user_a_camera_that_stands():
     back = head([(*PLACE, 0.4, 0.1, 0), (*PLACE, 1.9, -1.4, 0)], "unwind")
-    stands = replace(DRIVE, view="unwound", view_yaw=0.5)
+    stands = hpop.ViewModel(DRIVE, "unwound", 0.5)
     agree(drives(stands, (*PLACE, 0.4), (*PLACE, 1.9), kinds=("turn",)), back, EVERY)
     moved = {"rotation", "rotation_time", "turns", "net_winding", "angular_acceleration", "optic_flow", "sickness"}
     for name in moved | {"peak_optic_flow", "net_misalignment", "orientation_retention", "jerk", "msdv"}:
@@ -94,7 +94,7 @@ def test_a_view_that_a_head_holds_on_a_way_costs_what_one_that_software_holds_do
     kinds = "move", "turn", "move", "turn"
     held = [(x, y, yaw, 0.3 - yaw, 0.0) for x, y, yaw in poses]
     by_head = head(held, *("unwind" if kind == "turn" else kind for kind in kinds))
-    by_software = drives(replace(DRIVE, view="unwound", view_yaw=0.3), *poses, kinds=kinds)
+    by_software = drives(hpop.ViewModel(DRIVE, "unwound", 0.3), *poses, kinds=kinds)
     some = agree(by_software, by_head, EVERY)
     assert some >= {"heading_mismatch", "optic_flow", "landmark_blindness", "msdv", "sickness", "energy", "length"}
 

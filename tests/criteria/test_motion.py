@@ -81,8 +81,9 @@ WORLD_HEADING_MISMATCH = World.from_polygons([], extent=shapely.box(-20, -20, 20
 SQUARE = [(0, 0, 0), (3, 0, np.pi / 2), (3, 4, np.pi / 2)]  # 3 m east, 4 m north
 
 
-def driving(*poses, **robot):
-    return Trajectory.from_poses(DifferentialDrive(speed=0.5, **robot), poses)
+def driving(*poses, unwound=None, **robot):
+    model = DifferentialDrive(speed=0.5, **robot)
+    return Trajectory.from_poses(model if unwound is None else hpop.ViewModel(model, yaw=unwound), poses)
 
 
 def cost(trajectory, criterion=None):
@@ -98,7 +99,7 @@ def test_who_looks_where_she_is_driven_pays_nothing():
 @pytest.mark.parametrize("view_yaw", [0.0, 0.4, -2.5, 9.0])
 def test_a_view_that_stays_pays_the_angle_to_each_way_for_as_long_as_it_lasts(view_yaw):
     off = [abs(np.angle(np.exp(1j * (heading - view_yaw)))) for heading in (0.0, np.pi / 2)]
-    path = driving(*SQUARE, view="unwound", view_yaw=view_yaw)
+    path = driving(*SQUARE, unwound=view_yaw)
     expected = off[0] * 3 / 0.5 + off[1] * 4 / 0.5
     assert cost(path) == pytest.approx(expected, rel=1e-9)
     assert cost(path, MeanHeadingMismatch()) == pytest.approx(expected / path.duration, rel=1e-9)
@@ -114,7 +115,7 @@ def test_a_turn_about_the_camera_moves_it_nowhere_and_one_beside_it_swings_it_si
 
 
 def test_a_motion_slower_than_slow_counts_in_proportion():
-    path = driving((0, 0, 0), (1, 0, 0), view="unwound", view_yaw=np.pi)
+    path = driving((0, 0, 0), (1, 0, 0), unwound=np.pi)
     for slow, share in ((0.5, 1.0), (1.0, 0.5), (5.0, 0.1)):
         assert cost(path, HeadingMismatch(slow=slow)) == pytest.approx(share * np.pi * 1 / 0.5, rel=1e-9)
 
@@ -137,7 +138,7 @@ def test_the_angle_is_one_in_space():
 
 
 def test_on_symbols_it_has_the_values_and_the_gradient_of_numbers():
-    model = DifferentialDrive(view="unwound", view_yaw=0.3)
+    model = hpop.ViewModel(yaw=0.3)
     ends = np.array([1.0, 0.4, -0.7, 0.9])  # x, y of two moves from the origin
 
     def of(columns):

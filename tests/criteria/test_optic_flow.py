@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from hpop.criteria import Clearance, OpticFlow, PassingDistance, PeakOpticFlow, motion_costs, trajectory_cost
 from hpop.errors import CriterionError
-from hpop.models import DifferentialDrive
+from hpop.models import DifferentialDrive, ViewModel
 from hpop.motions import Motions, States
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
@@ -99,7 +99,7 @@ def test_between_two_bearings_the_peak_beside_a_wall_is_missed_by_less_than_four
 def test_a_narrow_camera_sees_the_walls_of_a_corridor_flow_where_it_looks():
     """Along the corridor |sin b|² / w streams at the bearing b: little ahead, most to the side."""
     for view, within in ((0.0, 0.4), (np.pi / 2, np.pi / 2)):
-        model = DifferentialDrive(view="unwound", view_yaw=view, field_of_view=(0.8, 0.6))
+        model = ViewModel(DifferentialDrive(field_of_view=(0.8, 0.6)), "unwound", view)
         path = Trajectory.from_poses(model, [(-3, 0, 0), (4, 0, 0)])
         angles = view + np.linspace(-0.4, 0.4, 1001)
         criterion = OpticFlow(bearings=180)

@@ -319,7 +319,7 @@ def test_it_has_what_its_base_has_and_joints_but_is_not_rigid():
     ("parameters", "said"),
     [
         ({"base": "omni"}, "base must be a model in the plane with a camera and without joints"),
-        ({"base": hpop.DifferentialDrive(view="unwound")}, "view of the base of a pan_tilt must be 'fixed'"),
+        ({"base": hpop.ViewModel()}, "base of a pan_tilt must be a robot without a view"),
         ({"pan": (1.0, -1.0)}, "pan must be (low, high) with low not above high, got (1, -1)"),
         (
             {"pan": (-170, 170)},

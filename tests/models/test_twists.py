@@ -14,7 +14,7 @@ from hpop.trajectories.trajectory import Trajectory
 
 MOMENT = 1e-6  # s, for differences
 FIXED = hpop.DifferentialDrive(camera_offset=(0.2, -0.1))
-UNWOUND = replace(FIXED, view="unwound", view_yaw=0.7)
+UNWOUND = hpop.ViewModel(FIXED, "unwound", 0.7)
 POSES = [(2.0, 2.0, 0.3), (4.0, 2.0, 1.0), (5.0, 4.0, -2.0), (3.0, 6.0, 3.0)]
 
 
@@ -73,7 +73,7 @@ def test_closed_forms_are_the_integrals_of_twists(model, kind):
 def test_a_view_that_is_turned_back_as_the_base_turns_does_not_rotate():
     """Every criterion about the camera's rotation is 0, and so is motion sickness from turning."""
     rng = np.random.default_rng(3)
-    world, model = random_world(rng), hpop.DifferentialDrive(view="unwound", view_yaw=0.7)
+    world, model = random_world(rng), hpop.ViewModel(yaw=0.7)
     names = ["rotation", "rotation_time", "angular_acceleration", "turns", "orientation_retention"]
     for kind in ("turn", "drive"):
         motions = random_motions(rng, world, model, kind, 20)
@@ -108,8 +108,8 @@ def test_a_model_of_no_closed_forms_costs_the_same():
 
 
 def test_a_view_that_no_camera_has_is_refused():
-    with pytest.raises(hpop.errors.ModelError, match="view must be one of fixed, unwound, got 'free'"):
-        hpop.DifferentialDrive(view="free")
+    with pytest.raises(hpop.errors.ModelError, match="turning must be one of fixed, level, unwound, got 'free'"):
+        hpop.ViewModel(turning="free")
 
 
 def test_axes_are_those_of_the_angles():

@@ -54,7 +54,7 @@ GOOD = {
     "camera beside the axis, and a long base": hpop.DifferentialDrive(
         camera_offset=(0.2, -0.1), footprint=((0.5, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.5, -0.2))
     ),
-    "unwound": hpop.DifferentialDrive(view="unwound", view_yaw=0.7),
+    "unwound": hpop.ViewModel(yaw=0.7),
 }
 
 

@@ -27,9 +27,7 @@ def through(model, *rows):
 ROBOTS = {
     "differential drive": GOES,
     "with a hold": GOES.with_hold(at=2, seconds=1.3),
-    "whose view is turned back": Trajectory.from_poses(
-        hpop.DifferentialDrive(view="unwound", view_yaw=0.7), [(0, 0, 0), (1, 1, 2)]
-    ),
+    "whose view is turned back": Trajectory.from_poses(hpop.ViewModel(yaw=0.7), [(0, 0, 0), (1, 1, 2)]),
     "pan-tilt": through(hpop.PanTilt(), (1, 1, 0, 0, 0), (2, 1, 1, 1, 0.2), (2, 1, 1, -2, -0.3)),
     "serial arm": through(arm6(), (0.1,) * 6, (0.4,) * 6, (0.2,) * 6),
     "mobile arm": through(hpop.MobileArm(arm6()), (1, 1, 0, *(0.1,) * 6), (2, 2, 3, *(0.4,) * 6)),

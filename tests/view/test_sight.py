@@ -74,7 +74,7 @@ def test_a_wedge_where_all_is_seen_is_a_pointer_and_says_no_width(world):
 
 def test_a_camera_that_sees_all_and_looks_where_the_base_does_needs_no_wedge(make_problem, make_front):
     for model, shown in ((hpop.DifferentialDrive(), False), (hpop.DifferentialDrive(field_of_view=(2.0, 1.0)), True),
-                         (hpop.DifferentialDrive(view="unwound", view_yaw=1.0), True)):  # fmt: skip
+                         (hpop.ViewModel(yaw=1.0), True)):  # fmt: skip
         problem = make_problem(model=model)
         figure = draw_map(problem, make_front(problem))
         found = [c for c in part(figure, "map").collections if str(c.get_gid()).startswith("views of")]

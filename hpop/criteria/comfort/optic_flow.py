@@ -13,7 +13,7 @@ from hpop.base.options import LEAST, MOST, set_reals, set_wholes
 from hpop.criteria.base import criterion
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
-from hpop.models.rigid import FieldOfView, camera_height, field_of_view, height_varies
+from hpop.models.rigid import FieldOfView, camera_height, field_of_view, height_varies, view_angles
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
 from hpop.world.sight.bearings import ALL_ROUND, MARGIN, REACH, ViewAngles, as_seen, bearings
@@ -43,8 +43,9 @@ def flow_in_space(surfaces: Surfaces, view: FloatArray, nearest: float, *, large
             rows(vector, size)
             for vector in ((pose.x, pose.y, pose.z), twist.velocity, twist.rotation, pose.ahead, pose.left, pose.up)
         )
+        limits = None if s.model.restrictor is None else rows((*view_angles(s, s.model), 0.0), size)[:, :2]
         return surfaces.flow(
-            position, np.stack(axes, axis=1), velocity, rotation, view, REACH, nearest, largest=largest
+            position, np.stack(axes, axis=1), velocity, rotation, view, REACH, nearest, limits, largest=largest
         )
 
     return rate
@@ -68,12 +69,12 @@ class _Flow:
             return flow_in_space(surfaces_of(m.world), view, self.nearest, largest=largest)
         around = bearings(m.world, camera_height(m), self.bearings)
         flow = around.peak_flow if largest else around.mean_flow
-        horizontal, _ = field_of_view(m.model)
+        limited = field_of_view(m.model)[0] < ALL_ROUND or m.model.restrictor is not None
 
         def rate(s: Instants) -> Column:
             twist = s.twist("camera")
             rotation = (0.0, 0.0, 0.0) if m.camera.steady else twist.rotation
-            seen = None if horizontal >= ALL_ROUND else ViewAngles(s.camera.yaw, horizontal)
+            seen = ViewAngles(s.camera.yaw, view_angles(s, m.model)[0]) if limited else None
             return flow(s.camera.x, s.camera.y, twist.velocity, rotation, self.nearest, seen)
 
         return rate
@@ -104,7 +105,8 @@ class OpticFlow(_Flow):
     rays, and 0.3 to 0.6 % too large on average (`hpop.world.sight.bearings`).
 
     The mean is over the bearings within the model's ``field_of_view`` (h/2 to either side of the camera's yaw), each
-    weighted by the part of its sector that is in view. It is over all bearings if the model has no field of view.
+    weighted by the part of its sector that is in view. It is over all bearings if the model has no field of view. If
+    the model has a ``restrictor``, h and v change with the camera's speed and angular speed.
 
     If the camera's height changes (on an arm or a lift), the mean is over directions d in the camera's field of view,
     as far apart as two bearings. The flow is |ω × d + (v - (v·d) d) / r(d)|, where r is the distance to the nearest

@@ -16,8 +16,8 @@ from hpop.criteria.base import criterion
 from hpop.criteria.visits import all_visits, landmark_seen
 from hpop.errors import CriterionError, did_you_mean
 from hpop.goals.tour import Tour
-from hpop.models.rigid import checked_fov, field_of_view, height_varies
-from hpop.motions import Motions
+from hpop.models.rigid import checked_fov, height_varies, view_angles
+from hpop.motions import Instants, Motions
 from hpop.trajectories.history import History, SampledTrajectory
 from hpop.world.sight import sight_in_space
 from hpop.world.sight.visibility import landmarks_unseen
@@ -44,12 +44,15 @@ class _Unseen:
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the unseen share (M,), s."""
-        horizontal, vertical = field_of_view(m.model, self.fov)
-        limits = {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
+
+        def limits(s: Instants) -> dict[str, Column]:
+            horizontal, vertical = view_angles(s, m.model, self.fov)
+            return {"near": self.near, "far": self.far, "fov": horizontal, "vertical": vertical}
+
         if height_varies(m.model):
             unseen = sight_in_space.landmarks_unseen
-            return m.integrate(lambda s: unseen(m.world, s.camera, s.state.size, **limits), jumps=True)
-        return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits))
+            return m.integrate(lambda s: unseen(m.world, s.camera, s.state.size, **limits(s)), jumps=True)
+        return m.integrate(lambda s: landmarks_unseen(m.world, s.camera, **limits(s)))
 
 
 @criterion("landmark_blindness", group="P", unit="s", aggregate="sum", requires=("camera", "landmarks"))
@@ -79,7 +82,8 @@ class LandmarkVisibility(_Unseen):
     d_i  distance in three dimensions; g is 1 up to ``near`` and falls linearly to 0 at ``far``
 
     The angles of view (h, v) are the model's ``field_of_view``, or all round if it has none. ``fov`` replaces them by
-    one horizontal angle at all elevations, for a viewer of a 360-degree camera who looks in one direction.
+    one horizontal angle at all elevations, for a viewer of a 360-degree camera who looks in one direction. Without
+    ``fov``, the model's ``restrictor`` narrows h and v by the camera's speed and angular speed.
 
     Accuracy: all factors except the two angles of view are stored as one smooth field over the plane, in which the
     border of a shadow is about two grid cells wide. The edges of the view are sharp (on CasADi symbols smoothed). So
@@ -138,10 +142,9 @@ class UnseenLandmarks:
         unseen = np.zeros(len(m))
         total = 0.0
         for landmark in m.world.content.landmarks:
-            seen_at = self._seen_at(
-                track,
-                landmark_seen(m.world, m.model, track.camera, track.times.size, landmark, far=self.far, fov=self.fov),
-            )
+            view = view_angles(track, m.model, self.fov)
+            seen = landmark_seen(m.world, m.model, track.camera, track.times.size, landmark, far=self.far, view=view)
+            seen_at = self._seen_at(track, seen)
             unseen = unseen + landmark.weight * (m.passed[1:] < seen_at)
             total += landmark.weight
         return unseen / total

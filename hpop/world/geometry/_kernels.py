@@ -259,6 +259,7 @@ def flow(
     velocity: FloatArray,
     rotation: FloatArray,
     view: FloatArray,
+    half: FloatArray,
     reach: float,
     nearest: float,
     largest: bool,
@@ -269,6 +270,9 @@ def flow(
     places, velocity, rotation (N, 3): position and motion of the camera, world frame; axes (N, 3, 3): its unit vectors
     ahead, left and up, one per row; view (K, 3): directions in which it looks, along these axes. A surface at distance
     r in direction d shifts by w x d + (v - (v d) d) / r, where r is at least ``nearest`` and at most ``reach``.
+
+    half (N, 2): half the horizontal and the vertical angle of view, rad, beyond which directions are left out; (0, 2)
+    for no limits. If no direction is within them, the flow is 0.
     """
     near = np.empty(len(rounds), np.int64)
     for n in range(len(places)):
@@ -277,8 +281,14 @@ def flow(
         vx, vy, vz = velocity[n]
         wx, wy, wz = rotation[n]
         total = worst = 0.0
+        seen = 0
         for k in range(len(view)):
             a, b, c = view[k]
+            if len(half) > 0 and (
+                abs(math.atan2(b, a)) > half[n, 0] or abs(math.atan2(c, math.hypot(a, b))) > half[n, 1]
+            ):
+                continue
+            seen += 1
             dx = a * axes[n, 0, 0] + b * axes[n, 1, 0] + c * axes[n, 2, 0]
             dy = a * axes[n, 0, 1] + b * axes[n, 1, 1] + c * axes[n, 2, 1]
             dz = a * axes[n, 0, 2] + b * axes[n, 1, 2] + c * axes[n, 2, 2]
@@ -290,7 +300,7 @@ def flow(
             speed = math.sqrt(x * x + y * y + z * z)
             total += speed
             worst = max(worst, speed)
-        out[n] = worst if largest else total / len(view)
+        out[n] = worst if largest else total / max(seen, 1)
 
 
 @kernel

@@ -126,17 +126,22 @@ class Surfaces:
         view: FloatArray,
         reach: float,
         nearest: float,
+        angles: FloatArray | None = None,
         *,
         largest: bool,
     ) -> FloatArray:
-        """Return the mean or largest angular speed (N,), rad/s, of surfaces that a camera sees; see `_kernels.flow`."""
+        """Return the mean or largest angular speed (N,), rad/s, of surfaces that a camera sees; see `_kernels.flow`.
+
+        ``angles`` (N, 2) are the angles of view, rad, if they change; None if all directions of ``view`` are seen.
+        """
+        half = np.empty((0, 2)) if angles is None else 0.5 * angles
         out = np.empty(len(places))
         for begin in range(0, len(places), CAST):
             limits.check(RAYS)
             part = slice(begin, begin + CAST)
             camera = (np.ascontiguousarray(of[part], dtype=np.float64) for of in (places, axes, velocity, rotation))
             geometry._kernels.flow(
-                self.planes, self.begin, self.rounds, *camera, view, reach, nearest, largest, out[part]
+                self.planes, self.begin, self.rounds, *camera, view, half[part], reach, nearest, largest, out[part]
             )
         return out
 

@@ -96,7 +96,7 @@ def flow(
     turn_rate: FloatArray,
     tilt: FloatArray,
     yaw: FloatArray,
-    width: float,
+    width: FloatArray,
     nearest: float,
     largest: bool,
     out: FloatArray,
@@ -106,7 +106,7 @@ def flow(
     layers  (H, W, 3 B)  as from `Bearings.layers`, or the distances (H, W, B) alone
     u, v    (M,)         positions in grid steps, clamped as in `Field`
     tilt    (3, M)       upward velocity, and rotation about x and about y; (3, 0) if all are zero
-    yaw     (M,)         middle of the angle ``width`` of visible bearings, rad; (0,) if all are visible
+    yaw     (M,)         middle of the angle ``width`` (M,) of visible bearings, rad; (0,) if all are visible
     """
     rows, columns, splines = layers.shape
     count = directions.shape[0]
@@ -143,7 +143,7 @@ def flow(
                 )
             if partial:
                 off = abs((k * sector - yaw[n] + math.pi) % (2.0 * math.pi) - math.pi)
-                share = min(1.0, width / sector, (0.5 * width - off) / sector + 0.5)
+                share = min(1.0, width[n] / sector, (0.5 * width[n] - off) / sector + 0.5)
                 if share <= 0.0:
                     continue
                 seen += share
@@ -314,8 +314,8 @@ def unseen(
     windows: IntArray,
     shape: tuple[int, int],
     marks: FloatArray,
-    cos_half: float,
-    half_height: float,
+    cos_half: FloatArray,
+    half_height: FloatArray,
     corner_x: float,
     corner_y: float,
     spacing: float,
@@ -333,8 +333,8 @@ def unseen(
     windows           (L, 5)  of each field: index of its first value, first row, rows, first column, columns
     shape                     rows and columns of the grid; beyond it the values of its border hold
     marks             (L, 3)  m: x, y, and height above the camera
-    cos_half                  cosine of half the angle of view
-    half_height               half the vertical angle of view, rad
+    cos_half          (M,)    cosine of half the angle of view
+    half_height       (M,)    half the vertical angle of view, rad
     corner_x, corner_y        first node of the padded grid, m, with nodes ``spacing`` m apart
     x, y, yaw, pitch  (M,)    of the camera, m and rad; pitch is (0,) if all elevations are in view
     """
@@ -364,9 +364,9 @@ def unseen(
         for m in range(count):
             dx, dy = marks[m, 0] - px, marks[m, 1] - py
             flat = math.sqrt(dx * dx + dy * dy)
-            if ahead * dx + left * dy < cos_half * flat:
+            if ahead * dx + left * dy < cos_half[k] * flat:
                 continue
-            if pitch.size > 0 and abs(math.atan2(marks[m, 2], flat) - pitch[k]) > half_height:
+            if pitch.size > 0 and abs(math.atan2(marks[m, 2], flat) - pitch[k]) > half_height[k]:
                 continue
             if math.isnan(value[m]):
                 total_here = 0.0

@@ -54,10 +54,13 @@ UP_AND_DOWN = math.pi - 1e-3
 
 
 class ViewAngles(NamedTuple):
-    """Horizontal field of view of a camera: ``width`` rad in all, half on each side of its yaw (M,), rad."""
+    """Horizontal field of view of a camera: ``width`` rad in all, half on each side of its yaw (M,), rad.
+
+    The width is one number, or a column (M,).
+    """
 
     yaw: Column
-    width: float
+    width: Column
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +173,7 @@ class Bearings:
         inverses = (1.0 / np.maximum(read(self._distances(b)), nearest) for b in range(len(self.directions)))
         shifts = self._shifts(velocity, rotation, inverses)
         if seen is not None:
-            edge = min(SMOOTHING, seen.width, self.sector) / self.sector
+            edge = np.minimum(seen.width, min(SMOOTHING, self.sector)) / self.sector
             shifts = (s * np.minimum(self._share(b, seen) / edge, 1.0) for b, s in enumerate(shifts))
         first, *others = shifts
         for other in others:
@@ -190,10 +193,10 @@ class Bearings:
         angle = bearing * self.sector - seen.yaw
         off = np.abs(np.arctan2(np.sin(angle), np.cos(angle)))
         inside = (0.5 * seen.width - off) / self.sector + 0.5
-        return np.maximum(np.minimum(inside, min(1.0, seen.width / self.sector)), 0.0)
+        return np.maximum(np.minimum(inside, np.minimum(seen.width / self.sector, 1.0)), 0.0)
 
     def _on_symbols(self, x: Column, y: Column, velocity: Vector, rotation: Vector, seen: ViewAngles | None) -> bool:
-        return any(map(is_symbolic, (x, y, *velocity, *rotation, None if seen is None else seen.yaw)))
+        return any(map(is_symbolic, (x, y, *velocity, *rotation, *(() if seen is None else seen))))
 
     def _shifts(self, velocity: Vector, rotation: Vector, inverses: Iterator[Column]) -> Iterator[Column]:
         (*_, rise), (roll, pitch, turn) = velocity, rotation
@@ -218,7 +221,7 @@ class Bearings:
         u, v, vx, vy, rate = (_column(c, shape) for c in (u, v, *velocity[:2], rotation[2]))
         tilting = (velocity[2], *rotation[:2])
         tilt = np.empty((3, 0)) if all(map(is_zero, tilting)) else np.stack([_column(c, shape) for c in tilting])
-        yaw, width = (np.empty(0), 0.0) if seen is None else (_column(seen.yaw, shape), seen.width)
+        yaw, width = (np.empty(0),) * 2 if seen is None else (_column(of, shape) for of in seen)
         out = np.empty(u.shape)
         layers = self.distances if largest else self.layers(nearest)
         sight._kernels.flow(layers, self.directions, u, v, vx, vy, rate, tilt, yaw, width, nearest, largest, out)
@@ -333,15 +336,20 @@ def elevation(pose: Pose, x: float, y: float, z: float) -> Column:
     return np.arctan2(rise, np.where(flat + np.abs(rise) > 0, flat, 1.0))
 
 
-def in_view(pose: Pose, landmark: Landmark, fov: float, vertical: float) -> Column:
+def is_whole(angle: Column, whole: float) -> bool:
+    """Return whether all angles of view, rad, are numbers of at least ``whole``, so that they limit nothing."""
+    return not is_symbolic(angle) and bool(np.all(np.asarray(angle) >= whole))
+
+
+def in_view(pose: Pose, landmark: Landmark, fov: Column, vertical: Column) -> Column:
     """Return 1 (M,) where a landmark is within the angles of view, rad, about the camera's yaw and pitch, else 0.
 
     On symbols these edges are smoothed.
     """
     inside: Column = 1.0
-    if fov < ALL_ROUND:
+    if not is_whole(fov, ALL_ROUND):
         inside = smooth_step(0.5 * fov - smooth_abs(bearing(pose, landmark.x, landmark.y)))
-    if vertical < UP_AND_DOWN:
+    if not is_whole(vertical, UP_AND_DOWN):
         above = elevation(pose, landmark.x, landmark.y, landmark.z) - pose.pitch
         inside = smooth_step(0.5 * vertical - smooth_abs(above)) * inside
     return inside

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray
+from hpop.base.arrays import Column, FloatArray
 from hpop.world.content.content import Landmark
 from hpop.world.geometry.rays_in_space import over_sphere, rows, surfaces_of
-from hpop.world.sight.bearings import ALL_ROUND, UP_AND_DOWN
+from hpop.world.sight.bearings import ALL_ROUND, UP_AND_DOWN, is_whole
 from hpop.world.sight.visibility import RAYS
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def landmarks_unseen(
-    world: World, pose: Pose, size: int, *, near: float, far: float, fov: float, vertical: float
+    world: World, pose: Pose, size: int, *, near: float, far: float, fov: Column, vertical: Column
 ) -> FloatArray:
     """Return the unseen share (N,) of the landmarks, in [0, 1]: 1 - their weighted mean visibility.
 
@@ -60,7 +60,7 @@ def sees(world: World, pose: Pose, landmark: Landmark, size: int, *, far: float)
     return seen
 
 
-def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: float) -> FloatArray:
+def in_view(pose: Pose, landmark: Landmark, size: int, fov: Column, vertical: Column) -> FloatArray:
     """Return 1 (N,) where a landmark is within the angles of view, rad, about the axes of the camera, else 0.
 
     Obstacles are ignored. ``size`` is the number N of poses.
@@ -68,9 +68,9 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: float, vertical: flo
     offset = -_from_landmark(pose, landmark, size)
     along, aside, above = (np.sum(offset * rows(axis, size), axis=1) for axis in (pose.ahead, pose.left, pose.up))
     inside = np.ones(size, dtype=bool)
-    if fov < ALL_ROUND:
+    if not is_whole(fov, ALL_ROUND):
         inside &= np.abs(np.arctan2(aside, along)) <= 0.5 * fov
-    if vertical < UP_AND_DOWN:
+    if not is_whole(vertical, UP_AND_DOWN):
         inside &= np.abs(np.arctan2(above, np.hypot(along, aside))) <= 0.5 * vertical
     return inside.astype(np.float64)
 

@@ -30,7 +30,7 @@ from hpop.world import sight
 from hpop.world.content.content import Landmark
 from hpop.world.fields.field import PAD, Field, grid_points
 from hpop.world.fields.sampling import MAX_HEIGHTS
-from hpop.world.sight.bearings import ALL_ROUND, BEHIND, UP_AND_DOWN, in_view
+from hpop.world.sight.bearings import ALL_ROUND, BEHIND, UP_AND_DOWN, in_view, is_whole
 
 if TYPE_CHECKING:
     from hpop.motions import Pose
@@ -116,7 +116,7 @@ def _seen(ground: Ground, landmark: Landmark, camera_z: float, near: float, far:
 
 
 def landmarks_unseen(
-    world: World, pose: Pose, *, near: float, far: float, fov: float = 2 * math.pi, vertical: float = math.pi
+    world: World, pose: Pose, *, near: float, far: float, fov: Column = 2 * math.pi, vertical: Column = math.pi
 ) -> Column:
     """Return the unseen share (M,) of all landmarks, in [0, 1]: 1 - their weighted mean visibility.
 
@@ -124,9 +124,9 @@ def landmarks_unseen(
     view if its bearing is within ``fov`` / 2 of the camera's yaw and its elevation within ``vertical`` / 2 of its
     pitch, rad; on symbols these edges are smoothed. Roll is ignored.
     """
-    if fov >= ALL_ROUND and vertical >= UP_AND_DOWN:
+    if is_whole(fov, ALL_ROUND) and is_whole(vertical, UP_AND_DOWN):
         return _by_height(pose, lambda z: _unseen_all_round(world, z, near, far)(pose.x, pose.y))
-    angles = [pose.yaw, *([pose.pitch] if vertical < UP_AND_DOWN else [])]
+    angles = [fov, vertical, pose.yaw, *([] if is_whole(vertical, UP_AND_DOWN) else [pose.pitch])]
     if any(map(is_symbolic, (pose.x, pose.y, *angles))):
         return _by_height(pose, lambda z: _unseen_on_symbols(world, pose, z, near, far, fov, vertical))
     return _by_height(pose, lambda z: _unseen_in_view(world, pose, z, near, far, fov, vertical))
@@ -209,7 +209,7 @@ def _unseen_all_round(world: World, z: float, near: float, far: float) -> Field:
 
 
 def _unseen_on_symbols(
-    world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
+    world: World, pose: Pose, z: float, near: float, far: float, fov: Column, vertical: Column
 ) -> Column:
     seen = 0.0
     for share, field, mark in zip(_shares(world), _fields(world, z, near, far), world.content.landmarks, strict=True):
@@ -218,7 +218,7 @@ def _unseen_on_symbols(
 
 
 def _unseen_in_view(
-    world: World, pose: Pose, z: float, near: float, far: float, fov: float, vertical: float
+    world: World, pose: Pose, z: float, near: float, far: float, fov: Column, vertical: Column
 ) -> FloatArray:
     """Return `landmarks_unseen` (M,) for poses given as numbers. All landmarks share the spline weights of a pose."""
     ground, landmarks = world.ground, world.content.landmarks
@@ -237,7 +237,8 @@ def _unseen_in_view(
     marks = np.array([(mark.x, mark.y, mark.z - z) for mark in landmarks])
     xs, ys, spacing = _grid(ground)
     x, y, yaw = np.broadcast_arrays(*(np.asarray(c, dtype=np.float64) for c in (pose.x, pose.y, pose.yaw)))
-    limited = vertical < UP_AND_DOWN
+    limited = not is_whole(vertical, UP_AND_DOWN)
+    across, up = (np.array(np.broadcast_to(angle, x.shape), np.float64).ravel() for angle in (fov, vertical))
     pitch = np.array(np.broadcast_to(pose.pitch, x.shape), np.float64).ravel() if limited else np.empty(0)
     corner = (float(xs[0]) - PAD * spacing, float(ys[0]) - PAD * spacing)
     out = np.empty(x.size)
@@ -246,8 +247,8 @@ def _unseen_in_view(
         windows,
         (ys.size, xs.size),
         marks,
-        math.cos(0.5 * fov) if fov < ALL_ROUND else BEHIND,
-        0.5 * vertical,
+        np.where(across < ALL_ROUND, np.cos(0.5 * across), BEHIND),
+        0.5 * up,
         *corner,
         spacing,
         x.ravel(),
