@@ -28,10 +28,12 @@ if TYPE_CHECKING:
     from hpop.criteria.comfort.optic_flow import PeakOpticFlow as PeakOpticFlow
     from hpop.criteria.comfort.rotation import AngularAcceleration as AngularAcceleration
     from hpop.criteria.comfort.rotation import CameraRoll as CameraRoll
+    from hpop.criteria.comfort.rotation import LongestTurn as LongestTurn
     from hpop.criteria.comfort.rotation import NetWinding as NetWinding
     from hpop.criteria.comfort.rotation import Rotation as Rotation
     from hpop.criteria.comfort.rotation import RotationTime as RotationTime
     from hpop.criteria.comfort.rotation import Turns as Turns
+    from hpop.criteria.comfort.rotation import UnforeseenTurns as UnforeseenTurns
     from hpop.criteria.comfort.sickness import MSDV as MSDV
     from hpop.criteria.comfort.sickness import Sickness as Sickness
     from hpop.criteria.learnt import Learnt as Learnt

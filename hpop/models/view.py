@@ -7,7 +7,7 @@ exports follow the view. All else is the robot's own.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal, get_args
@@ -34,7 +34,7 @@ Turning = Literal["fixed", "level", "unwound"]
 UPSIDE_DOWN = 1e-9  # least 1 + cos of the camera's tilt for which the yaw of a level view is defined
 OF_ROBOT = (
     *("provides", "space", "laws", "parts", "platform", "mounts", "joints", "executed", "speed_classes", "paces"),
-    *("notes", "links", "field_of_view", "bodies", "extent", "connect", "joinable", "judge", "judge_by", "execution"),
+    *("notes", "links", "field_of_view", "bodies", "connect", "joinable", "judge", "judge_by", "execution"),
     *("faults", "doubtful"),
 )
 """Members of a model that a view takes from its robot."""
@@ -290,6 +290,15 @@ class ViewModel(_OfRobot):
             turn = turn - excess * (wx * uy - wy * ux) / np.maximum(1.0 + uz, UPSIDE_DOWN)
         return ViewTwist(change, turn)
 
+    def extent(self, motions: Motions) -> tuple[Column, Column]:
+        """Return upper bounds (M,), m and rad, on how far any body moves and turns in each motion.
+
+        A level view turns faster than a tilted camera, by 1 / cos(tilt / 2); the bound holds for tilts up to 120
+        degrees.
+        """
+        farthest, turned = self.model.extent(motions)
+        return farthest, 2.0 * turned if self.turning == "level" and "plane" not in self.provides else turned
+
     def body(self, name: str, motions: Motions) -> Body:
         """Return how a body moves in each motion; a level view's rotation is integrated if the camera also tilts."""
         own = self.model.body(name, replace(motions, model=self.model))
@@ -312,6 +321,6 @@ class ViewModel(_OfRobot):
         if self.yaw:
             own["yaw"] = self.yaw
         if self.restrictor is not None:
-            own["restrictor"] = {key: list(v) for key, v in asdict(self.restrictor).items() if v is not None}
+            own["restrictor"] = {key: list(v) for key, v in vars(self.restrictor).items() if v is not None}
             own["restrictor"] |= {key: None for key in ("speeds", "rates") if getattr(self.restrictor, key) is None}
         return {"view": own}

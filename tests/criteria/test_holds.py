@@ -30,7 +30,7 @@ FREE = {  # nothing is to pay for standing level: they are paid for by the metre
     "heading_mismatch", "joint_energy", "joint_length", "length", "mean_heading_mismatch", "optic_flow",
     "orientation_retention", "proximity", "rotation", "rotation_time", "speeding", "turns",
     "expected_contacts",  # nobody is touched there
-    "felt_acceleration", "speed_changes", "squared_acceleration",
+    "felt_acceleration", "speed_changes", "squared_acceleration", "stale_view", "longest_turn",
 }  # fmt: skip
 
 

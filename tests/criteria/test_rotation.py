@@ -14,23 +14,26 @@ import hpop
 from hpop.criteria import (
     AngularAcceleration,
     CameraRoll,
+    LongestTurn,
     NetWinding,
     OrientationRetention,
     Rotation,
     RotationTime,
     Turns,
+    UnforeseenTurns,
     motion_costs,
     trajectory_cost,
 )
 from hpop.criteria.costs import running_costs, trajectory_costs
 from hpop.errors import CriterionError
-from hpop.models import DifferentialDrive
+from hpop.models import DifferentialDrive, ViewModel
 from hpop.models.driven import driven
 from hpop.motions import Motions, States
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from tests.jointed import Jointed, agrees_everywhere, moments, tour
 
+OPEN = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
 WORLD_ROTATION = World.from_polygons([], extent=shapely.box(-20, -20, 20, 20))
 ROBOT_ROTATION = DifferentialDrive()
 
@@ -333,3 +336,45 @@ def test_a_threshold_is_an_acceleration(threshold):
 def test_its_group_unit_and_aggregate_for_angular_acceleration():
     kind = AngularAcceleration
     assert (kind.group, kind.unit, kind.aggregate) == ("C", "rad/s", "sum")
+
+
+def test_the_longest_turn_is_its_angle_however_many_there_are() -> None:
+    robot = DifferentialDrive()
+    path = Trajectory.from_poses(robot, [(0, 0, 0), (0, 0, 0.5), (2, 1.1, -1.0), (2, 1.1, 0.2)])
+    found = trajectory_cost(LongestTurn(), path, OPEN)
+    assert found == pytest.approx(1.0 + math.atan2(1.1, 2))  # from the way's heading to -1
+    bend = driven(robot, (0, 0, 0), [(1, 0, 1), (0, 2, 0.5), (0, -2, 1), (0, 2, 0.5), (-1, 0, 1)])
+    left = 0.5 * 2 * 0.5**2 * 2  # speeds up to 1 rad/s in half a second, and down again
+    assert trajectory_cost(LongestTurn(), bend, OPEN) == pytest.approx(left)
+    parts = bend.cut(np.full(5, 3))
+    assert trajectory_cost(LongestTurn(), parts, OPEN) == pytest.approx(left, abs=1e-6)
+
+
+def corner(*walls, **robot):
+    """Return a world with walls, and a drive 6 m east, a turn to the left, and 4 m north."""
+    world = World.from_polygons([*walls], extent=shapely.box(-3, -4, 14, 8))
+    return world, Trajectory.from_poses(DifferentialDrive(**robot), [(0, 0, 0), (6, 0, 0), (6, 4, np.pi / 2)])
+
+
+def test_a_turn_into_a_corridor_that_a_wall_hides_is_unforeseen() -> None:
+    count = UnforeseenTurns()
+    assert trajectory_cost(count, *corner()[::-1]) == 0  # all is open
+    inner = shapely.box(-3, 0.6, 5.8, 8)  # (6, 2) is seen from x > 5.71 on, which takes 0.76 s of braking
+    assert trajectory_cost(count, *corner(inner)[::-1]) == 1
+    assert trajectory_cost(UnforeseenTurns(notice=0.2), *corner(inner)[::-1]) == 0
+
+
+def test_a_narrow_view_does_not_foresee_what_lies_aside() -> None:
+    count = UnforeseenTurns()
+    wide, narrow = (corner(field_of_view=(angle, 1.5)) for angle in (2.0, 0.3))
+    assert trajectory_cost(count, *wide[::-1]) == 0  # (6, 2) lies 18 degrees aside from the start, and 45 at (4, 0)
+    assert trajectory_cost(count, *narrow[::-1]) == 1
+
+
+def test_the_last_turn_leads_nowhere_and_one_at_the_start_was_never_foreseen() -> None:
+    robot, count = DifferentialDrive(), UnforeseenTurns()
+    last = Trajectory.from_poses(robot, [(0, 0, 0), (4, 0, 0), (4, 0, 2.0)])
+    first = Trajectory.from_poses(robot, [(0, 0, 0), (0, 0, 1.0), (2, 2 * math.tan(1.0), 1.0)])
+    assert [trajectory_cost(count, path, OPEN) for path in (last, first)] == [0, 1]
+    unwound = Trajectory(ViewModel(robot), first.states, first.kinds)
+    assert trajectory_cost(count, unwound, OPEN) == 0  # the view does not turn

@@ -330,7 +330,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "arm must be a serial arm": {"arm": BASE},
     "base must be a model in the plane without joints": {"base": arm6()},
     "such as base=DifferentialDrive": {"base": hpop.PanTilt()},
-    "such as base=DifferentialDrive...., got": {"base": hpop.ViewModel()},
+    "joints, such as .*, got ViewModel": {"base": hpop.ViewModel()},
     "Did you mean 'home'": {"folded": "hoem"},
     "the folded arm must be given as": {"folded": (0.0, 0.0)},
     "base_to_shoulder": {"folded": (9.0, *(0.0,) * 5)},

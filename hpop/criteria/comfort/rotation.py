@@ -8,11 +8,14 @@ import numpy as np
 
 from hpop.base.arrays import Column, FloatArray
 from hpop.base.math import angle_between, hinge, hypot, norm
-from hpop.base.options import MOST, set_reals
+from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
+from hpop.criteria.visits import landmark_seen
 from hpop.errors import CriterionError
+from hpop.models.rigid import view_angles
 from hpop.motions import Motions, Pose
 from hpop.trajectories.history import History
+from hpop.world.content.content import Landmark
 
 
 @criterion("rotation", group="C", unit="rad", aggregate="sum", requires=("camera",))
@@ -81,6 +84,86 @@ class Turns:
     def cost(self, m: Motions) -> Column:
         """Return the number (M,) of turns that end in each motion."""
         return sum(np.where(np.abs(turn) > LEAST_TURN, 1.0, 0.0) for turn in m.camera.turns)
+
+
+@criterion("longest_turn", group="C", unit="rad", aggregate="max", requires=("camera",), smooth=False)
+@dataclass(frozen=True)
+class LongestTurn:
+    """Angle of the longest turn: max over turns of |Δθ|, with turns as in :class:`Turns`, also those below one degree.
+
+    Unit rad; the worst moment. A path with many short turns costs less than one with a single long turn: list it beside
+    ``turns``.
+
+    Source: turns discomfort users of telepresence more the longer they are (doi 10.1007/978-3-030-90739-6_1, as its
+    abstract says; the formula is this project's).
+    """
+
+    def cost(self, m: Motions) -> Column:
+        """Return the largest angle (M,), rad, of the turns that end in each motion."""
+        angles = [np.abs(turn) for turn in m.camera.turns]
+        return angles[0] if len(angles) == 1 else np.maximum(*angles)
+
+
+STEP = 0.05  # s between samples of a trajectory
+SLOWEST = 1e-3  # rad/s: a view that turns more slowly does not turn
+SHORTEST = 0.1  # m: a shorter way after a turn leads nowhere
+
+
+@criterion(
+    "unforeseen_turns", group="C", unit="1", aggregate="trajectory", requires=("camera",), smooth=False, quantum=1.0
+)
+@dataclass(frozen=True)
+class UnforeseenTurns:
+    """Number of turns whose cause, the way ahead after the turn, was hardly in sight before the turn began.
+
+    notice  s    a turn is foreseen if the way ahead was in view for this long, in all, before the turn began
+    ahead   m    the way ahead is represented by the camera's position this far along the path after the turn, or where
+                 the camera turns or stops next if that is nearer
+    far     m    largest distance from which the way ahead is seen
+
+    Unit 1, a count; a criterion of the whole trajectory. Turns are those of the executed view: stretches in which it
+    turns about the vertical in one direction by more than one degree. The way ahead is in view where no obstacle hides
+    it and it is within the field of view, as landmarks are for ``unseen_landmarks``. A turn after which the camera
+    stays where it is has no way ahead and does not count. A turn at the very start was never foreseen. The executed
+    motion is sampled every 0.05 s.
+
+    Source: lack of predictability makes turns uncomfortable (doi 10.1007/978-3-030-90739-6_1), and unexpected vection
+    worsens sickness (doi 10.3389/frvir.2022.860919), as their abstracts say; the formula is this project's.
+    """
+
+    notice: float = 1.0
+    ahead: float = 2.0
+    far: float = 10.0
+
+    def __post_init__(self) -> None:
+        set_reals(self, "notice", least=0, most=MOST, kind="a time in s", error=CriterionError)
+        set_reals(self, "ahead", "far", least=LEAST, most=MOST, kind="a distance in m", error=CriterionError)
+
+    def cost(self, m: History) -> FloatArray:
+        """Return the number (M,) of unforeseen turns that end by the end of each motion."""
+        track = m.track(STEP)
+        size, dt = track.times.size, np.diff(track.times)
+        x, y, z = (np.broadcast_to(c, (size,)) for c in (track.camera.x, track.camera.y, track.camera.z))
+        way = np.append(0.0, np.cumsum(np.sqrt(np.diff(x) ** 2 + np.diff(y) ** 2 + np.diff(z) ** 2)))
+        rate = np.broadcast_to(track.twist("camera").rotation[2], (size,))
+        sign = np.where(np.abs(rate) > SLOWEST, np.sign(rate), 0.0)
+        cuts = np.flatnonzero(np.diff(sign)) + 1
+        angles = np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1]) * dt))
+        unforeseen = np.zeros(len(m))
+        view = view_angles(track, m.model)
+        begins, ends = np.append(0, cuts), np.append(cuts, size - 1)
+        turning = [i for i in range(begins.size) if abs(angles[ends[i]] - angles[begins[i]]) > LEAST_TURN]
+        for place, i in enumerate(turning):
+            begin, end = int(begins[i]), int(ends[i])
+            next_turn = int(begins[turning[place + 1]]) if place + 1 < len(turning) else size - 1
+            there = min(int(np.searchsorted(way, way[end] + self.ahead)), max(next_turn, end))
+            if way[there] - way[end] < SHORTEST:
+                continue
+            mark = Landmark(float(x[there]), float(y[there]), float(z[there]))
+            seen = landmark_seen(m.world, m.model, track.camera, size, mark, far=self.far, view=view)[: begin + 1]
+            if seen[:-1] @ dt[:begin] < self.notice - 1e-9:
+                unforeseen += m.passed[1:] >= track.times[end] - STEP
+        return unforeseen
 
 
 @criterion(
