@@ -31,7 +31,7 @@ UNHURRIED = {
     "deadline": None,
     "suppress_health_check": [HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
 }
-settings.register_profile("test", derandomize=True, max_examples=15, **UNHURRIED)
+settings.register_profile("test", derandomize=True, max_examples=10, **UNHURRIED)
 settings.register_profile("proof", max_examples=250, **UNHURRIED)
 settings.load_profile("test")
 
@@ -130,6 +130,5 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.enable()
-        gc.collect()
         gc.freeze()
         gc.set_threshold(20_000)  # objects more than before; 700 by default

@@ -288,7 +288,7 @@ def tried(right: Right, most: int, every: int = 1) -> tuple[int, list[str]]:
 
 
 def test_some_wrong_values_in_the_place_of_arguments_are_answered_by_their_names(right: Right) -> None:
-    count, faults = tried(right, 1, every=8)
+    count, faults = tried(right, 1, every=16)
     assert faults == []
     assert count > 480
 

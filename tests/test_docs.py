@@ -35,7 +35,10 @@ def blocks(file: str, language: str = "python") -> list[str]:
 def test_the_first_plan_in_the_docs_plans_and_draws(tmp_path, monkeypatch, map_alone):
     monkeypatch.setattr("hpop.view.save_pictures", partial(save_pictures, dpi=40, map_alone=map_alone))
     monkeypatch.chdir(tmp_path)
-    exec(compile(blocks("docs/first_plan.md")[0], "docs/first_plan.md", "exec"), {})
+    first = blocks("docs/first_plan.md")[0].replace(
+        "step=0.25, progress", f"step={0.5 if map_alone else 0.25}, progress"
+    )
+    exec(compile(first, "docs/first_plan.md", "exec"), {})
     written = {path.name for path in (tmp_path / "out/museum").iterdir()}
     others = set() if map_alone else {"front.png", "trace.png", "where.png"}
     assert {"front.json", "front.html", "map.png", *others} <= written

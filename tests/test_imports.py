@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
@@ -79,8 +80,21 @@ MODULES = {module_of(path): path for path in (ROOT / "hpop").rglob("*.py")}
 CONTRACTS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
 
 
+IMPORTED = re.compile(r"^ *from +([\w.]+) +import +(\([^)]*\)|.*)|^ *(import hpop)", re.MULTILINE)
+
+
+def imports_modules(source: str) -> bool:
+    """Return whether a file imports hpop, or a module from a package of it; most files import names alone."""
+    return any(
+        whole or any(f"{package}.{name}" in MODULES for name in re.findall(r"\w+", names))
+        for package, names, whole in IMPORTED.findall(source)
+    )
+
+
 def modules_read(source: str) -> Iterator[str]:
     """Yield the modules of hpop whose names a file reads as attributes, such as ``geometry._kernels.nearest``."""
+    if not imports_modules(source):  # quick
+        return
     tree, packages = ast.parse(source), dict[str, str]()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):

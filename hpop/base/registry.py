@@ -16,6 +16,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from inspect import signature
 from typing import Any, Generic, TypeVar, get_type_hints
+from weakref import WeakKeyDictionary
 
 from hpop.base.text import shown
 from hpop.errors import (
@@ -142,6 +143,9 @@ def _origin(item: Any) -> str:
     return f"{item.__module__}.{item.__qualname__}"
 
 
+_PRESENT = WeakKeyDictionary[type, frozenset[str]]()  # names of members that classes are known to have
+
+
 def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
     """Add defaults for the optional members of its protocol that a plugin lacks, and return the plugin.
 
@@ -151,6 +155,8 @@ def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
     defaults  default value of each optional member, by name; existing attributes do not change
     """
     cls: Any = plugin if isinstance(plugin, type) else type(plugin)
+    if _PRESENT.get(cls, frozenset()) >= defaults.keys():
+        return plugin
     for name, value in defaults.items():
         # A property of an instance may take long to compute, so the class is examined first.
         if not (name.startswith("__") or hasattr(cls, name) or hasattr(plugin, name)):
@@ -158,6 +164,7 @@ def with_optional_members(plugin: P, defaults: Mapping[str, Any]) -> P:
                 setattr(cls, name, value)
             except TypeError:  # a class that cannot be changed, such as SimpleNamespace
                 setattr(plugin, name, value)
+    _PRESENT[cls] = _PRESENT.get(cls, frozenset()) | {name for name in defaults if hasattr(cls, name)}
     return plugin
 
 

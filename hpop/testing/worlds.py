@@ -118,7 +118,11 @@ def random_motions(rng: np.random.Generator, world: World, model: Model, kind: s
     """
     size = whole("size", size, 1, MOST_DRAWN, "a number of motions")
     x, y = rng.uniform((0.5, 0.5), (11.5, 8.5), size=(50 * size + 1000, 2)).T
-    x, y = (column[world.clearance(x, y) > 0.5][:size] for column in (x, y))
+    for count in (4 * size + 20, x.size):  # the first are nearly always enough
+        is_free = world.clearance(x[:count], y[:count]) > 0.5
+        if is_free.sum() >= size:
+            break
+    x, y = (column[:count][is_free][:size] for column in (x, y))
     yaw = rng.uniform(-np.pi, np.pi, size)
     if kind == "drive":
         speeds, bends = rng.uniform(0.3, 1.0, (2, size)), rng.uniform(0.4, 1.5, (2, size))

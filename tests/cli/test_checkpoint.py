@@ -92,6 +92,7 @@ os.fsync = flushed_once
 """  # it writes a checkpoint after every slice of the search, and never ends to write the second
 
 
+@pytest.mark.proof
 def test_it_survives_kill_9_while_a_checkpoint_is_written(tmp_path, warm):
     # A bound on the turns, far above what any path takes, asks for the exact search alone: no stage answers before it.
     scenario = write(tmp_path, {"lattice": {"step": 0.125, "max_turns": 1000}})

@@ -104,6 +104,7 @@ def test_workers_without_a_planner_that_sweeps_are_noted(scenario: Path) -> None
     )
 
 
+@pytest.mark.proof
 def test_where_no_workers_can_be_had_one_process_plans_and_says_so(
     scenario: Path, alone: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:

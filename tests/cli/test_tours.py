@@ -77,6 +77,7 @@ def test_a_drawn_floor_plan_is_toured_with_the_commands_of_readme(
                 assert (pixels[row, column] == 255).all()
 
 
+@pytest.mark.proof
 def test_the_tour_that_a_new_scenario_suggests_can_be_planned_as_it_is(
     run: Callable[..., Result], tmp_path: Path
 ) -> None:

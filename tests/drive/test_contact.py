@@ -58,7 +58,7 @@ def test_who_stands_too_near_may_be_left(place: tuple[float, float]) -> None:
     assert gap.min() >= gap[0] - 1e-5
 
 
-@pytest.mark.cases("0.4", "-0.02")
+@pytest.mark.cases("-0.02")
 @pytest.mark.parametrize("apart", [0.4, 0.05, 0.0, -0.02])
 def test_a_slow_walker_against_the_robot_leaves_it_options(apart: float) -> None:
     following = drive()
@@ -157,6 +157,7 @@ def test_a_plan_in_time_begins_in_contact_and_the_gap_does_not_shrink(person: Pe
         assert (np.diff(gap[:free]) >= -1e-6).all()
 
 
+@pytest.mark.cases("all stand")
 @pytest.mark.parametrize("walks", [False, True], ids=["all stand", "one walks up"])
 def test_a_robot_hemmed_in_is_told_who_is_about_it(walks: bool) -> None:
     following = drive()

@@ -66,6 +66,7 @@ def last_metres(trajectory, distance: float, way) -> tuple[float, float, float]:
     )
 
 
+@pytest.mark.cases("axis")
 @pytest.mark.parametrize(
     ("approach", "way", "tolerance", "angle"),
     [

@@ -87,7 +87,7 @@ def test_a_closed_area_across_all_ways_blocks_the_destination(planner: LivePlann
 def test_the_plan_of_a_push_is_the_way_with_the_least_mean_angle(planner: LivePlanner) -> None:
     options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
     list(planner.take(0.0, START, options["cards"][0]["option"]))
-    for direction in (-1.5, -0.4, 0.0, 0.7, 1.6):
+    for direction in (-1.5, 0.0, 0.7):
         list(planner.options(0.0, START))
         assert planner.offer is not None
         ways, present = planner.offer.ways.trajectories, planner.offer.ways.present

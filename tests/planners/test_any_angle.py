@@ -204,6 +204,7 @@ def test_start_is_goal():
 QUERIES = 8  # a map
 
 
+@pytest.mark.cases("room-64-64-8")
 @pytest.mark.parametrize("name", ["den312d", "room-64-64-8"])
 def test_on_benchmark_maps_no_path_is_longer_than_the_published_optimum_of_eight_neighbours(shared_data, name):
     folder = shared_data("movingai") / name

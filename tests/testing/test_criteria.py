@@ -233,7 +233,7 @@ LIMITS = {
     "from a person": (0.1, 0.5, 2.0, 3.3),
 }
 EVERY = [(quantity, limit) for quantity, limits in LIMITS.items() for limit in limits]
-FEW = {("x", 0.0), ("x", 3.3), ("x", -20.0), ("speed", 0.0), ("speed", 2.0), ("turn rate", 2.0), ("clearance", 5.0)}
+FEW = {("x", -20.0), ("speed", 0.0), ("turn rate", 2.0), ("clearance", 5.0)}
 
 
 @pytest.mark.parametrize(
@@ -252,6 +252,7 @@ def test_the_place_and_the_size_of_a_jump_are_told():
         assert re.match(rf"the rate jumps from (1 to 1\.5|1\.5 to 1){where}", fault)
 
 
+@pytest.mark.cases("x", "from a person")
 @pytest.mark.parametrize("quantity", ["x", "speed", "turn rate", "from a person"])
 def test_a_rate_that_rises_gradually_passes(quantity):
     claims = {check.claim for check in conformance(Limited(quantity, 0.5, gradually=True)) if check.fault}

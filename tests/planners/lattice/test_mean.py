@@ -285,7 +285,8 @@ def test_a_limit_claims_no_more_than_it_may(limit):
     assert "others are missing, and may be better" in found.certificate
 
 
-def test_ctrl_c_at_any_report_keeps_what_is_found_or_is_passed_on():
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.proof)])
+def test_ctrl_c_at_any_report_keeps_what_is_found_or_is_passed_on(every):
     problem = random_problem(2, [OBSTRUCTION, "turns", "length"])
     planner = Lattice(step=STEP, max_detour=1.8)
     walks, _ = all_walks(problem, planner)
@@ -308,7 +309,7 @@ def test_ctrl_c_at_any_report_keeps_what_is_found_or_is_passed_on():
             means = {float(mean) for mean, *_ in walks}
             assert all(min(abs(m - mean) for m in means) < 1e-12 for mean in found.planned[:, 0])
             kept += len(found.planned) > 0
-        stop_at += 1
+        stop_at += every
     assert passed_on
     assert kept
 

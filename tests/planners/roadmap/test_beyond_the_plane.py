@@ -95,7 +95,7 @@ def test_lazy_is_eager_vector_for_vector_in_the_plane(seed: int, model: Any) -> 
     lazy_and_eager(in_plane(model), samples=40, seed=seed)
 
 
-@pytest.mark.parametrize("samples", [80, pytest.param(150, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("samples", [50, pytest.param(150, marks=pytest.mark.proof)])
 @pytest.mark.seeds(1, of=20)
 def test_lazy_is_eager_vector_for_vector_among_balls(seed: int, samples: int) -> None:
     lazy_and_eager(problem(Joints(4, 150, 1.2, seed=seed)), samples=samples, seed=seed)

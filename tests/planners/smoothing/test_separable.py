@@ -137,11 +137,8 @@ def test_a_field_is_read_on_scalar_symbols_only_where_somebody_takes_the_looks()
 
 @pytest.mark.cases(
     "angular_acceleration",
-    "bending_energy",
     "clearance",
     "exposure",
-    "landmark_blindness",
-    "length",
     "personal_space",
 )
 @pytest.mark.parametrize(

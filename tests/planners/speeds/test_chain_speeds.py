@@ -122,7 +122,7 @@ class Oracle:
         return labels[goal]
 
 
-@pytest.mark.cases("0-arm", "0-pan-tilt")
+@pytest.mark.cases("0-pan-tilt")
 @pytest.mark.parametrize("model", [ARM, HEAD, MOBILE], ids=list(NAMES.values()))
 @pytest.mark.seeds(1, of=20)
 def test_the_front_is_that_of_all_speeds_of_all_chains(model: Model, seed: int) -> None:
@@ -203,9 +203,8 @@ def test_slow_reaches_are_exported_with_limited_jerk() -> None:
     assert list(ARM.faults(limited)) == []
 
 
-@pytest.mark.parametrize(
-    "model", [pytest.param(ARM, id="arm"), pytest.param(MOBILE, id="mobile arm", marks=pytest.mark.proof)]
-)
+@pytest.mark.proof
+@pytest.mark.parametrize("model", [pytest.param(ARM, id="arm"), pytest.param(MOBILE, id="mobile arm")])
 def test_models_with_slower_laws_keep_the_contract(model: Model) -> None:
     check_model(model)
 

@@ -173,7 +173,7 @@ def drawn(seed: int, *, one: bool = False) -> tuple[Problem, Oracle, tuple[float
     return problem, Oracle(problem, boxes, (gx, gy)), (sx, sy)
 
 
-@pytest.mark.seeds(5, of=80)
+@pytest.mark.seeds(3, of=80)
 def test_the_front_is_that_of_an_own_label_setting_over_paths_and_speeds(seed: int) -> None:
     problem, oracle, start = drawn(seed)
     planner = Lattice(step=1.0, headings=HEADINGS)

@@ -350,7 +350,6 @@ FEW = (
     "crosses with a margin",
     "stands with an overlap",
     "stays for good where a slow robot starts",
-    "stands with a chance of contact",
     "walks off in a chance of contact, and is gone",
     "stands behind a long robot",
 )

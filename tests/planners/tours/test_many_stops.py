@@ -252,6 +252,7 @@ EIGHT = [
 ]  # fmt: skip
 
 
+@pytest.mark.cases("lattice")
 @pytest.mark.parametrize(
     "planner",
     [

@@ -116,7 +116,7 @@ def test_bounds_are_those_made_anew_after_every_event(seed: int, lattice: Callab
                 assert anew[j, node] in (np.maximum(costs, ahead) if worst[j] else costs + ahead)
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.seeds(3, of=8)
 def test_with_ties_broken_the_path_of_a_cost_that_is_mostly_0_is_non_dominated(seed: int) -> None:
     rng = np.random.default_rng(seed)
     tails, heads = np.divmod(rng.choice(3600, 500, replace=False), 60)  # no parallel arcs
