@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 
 import numpy as np
-import pandas
 import pytest
 
 import hpop
@@ -91,6 +90,8 @@ def test_one_who_stays_has_one_row():
 def test_a_csv_file_reads_back_bit_for_bit(trajectory, tmp_path: Path):
     table = trajectory.table(0.1)
     table.to_csv(tmp_path / "camera.csv")
+    import pandas  # takes a second, which each process of `make test` would spend
+
     read = pandas.read_csv(tmp_path / "camera.csv")
     assert read.columns.tolist()[:3] == ["t (s)", "x (m)", "y (m)"]
     assert read.to_numpy().T.tolist() == [column.tolist() for column in table.columns.values()]

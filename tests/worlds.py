@@ -10,7 +10,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-import ezdxf
 import numpy as np
 import pytest
 from rosbags import rosbag1, rosbag2
@@ -72,6 +71,8 @@ GRID = "nav_msgs/msg/OccupancyGrid"
 
 def dxf(draw: Callable[[Any], Any], units: int = 6) -> bytes:
     """Return a DXF drawing; ``draw`` is given the document."""
+    import ezdxf  # takes half a second, which each process of `make test` would spend
+
     drawing = ezdxf.new(units=units)
     draw(drawing)
     text = io.StringIO()

@@ -86,9 +86,6 @@ class BesideScenario:
         return {**handler(schema), "type": "string"}
 
 
-GivenPath = Annotated[str, BesideScenario]
-
-
 def real(
     name: str,
     value: Any,

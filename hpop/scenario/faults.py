@@ -332,7 +332,7 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
-        known, way_out = _keys_at(schema, loc[:-1]), ""
+        known, way_out = list(_schema_at(schema, loc[:-1]).model_fields), ""
         if loc[:-1] == ("world",):
             if loc[-1] in readers:
                 return "no such key beside another; give exactly one reader"
@@ -381,11 +381,6 @@ def _schema_at(schema: Any, loc: Place) -> Any:
         inner = [a for a in _flat(annotation) if isinstance(a, type) and issubclass(a, BaseModel)]
         schema = inner[0] if inner else schema
     return schema
-
-
-def _keys_at(schema: Any, loc: Place) -> list[str]:
-    """Return the keys that are allowed at a position in the file."""
-    return list(_schema_at(schema, loc).model_fields)
 
 
 def _numbers_at(schema: Any, loc: Place) -> int:

@@ -29,7 +29,6 @@ from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, Answers
 
 MOST_FILES = 2000
 CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
-NOBODY = "no answers"
 SHORT = 1.0
 """Tolerance, s, by which a video may be reported as ended before its real end."""
 

@@ -368,7 +368,8 @@ def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool
     lacking = len(items) - len(given)
     if lacking > (MOST_PRORATED * len(items) if prorate else 0):
         return nan
-    counted = [_summand(form, item, answered[item.id]) for item in given if _applies(form, item, answered[item.id])]
+    applying = [item for item in given if not form.scale_of(item).is_absent(answered[item.id])]
+    counted = [_summand(form, item, answered[item.id]) for item in applying]
     if not counted:
         return nan
     return sum(counted) if len(counted) == len(items) else sum(counted) * len(items) / len(counted)
@@ -378,11 +379,6 @@ def _summand(form: Form, item: Item, value: float) -> float:
     """Return what an answer adds to a sum: its value, or for a reversed item its mirror image on the scale."""
     scale = form.scale_of(item)
     return scale.low + scale.high - value if item.reverse else value
-
-
-def _applies(form: Form, item: Item, value: float) -> bool:
-    """Return whether an answer counts: False if it says that the item does not apply."""
-    return not form.scale_of(item).is_absent(value)
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:

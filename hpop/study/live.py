@@ -20,8 +20,6 @@ from hpop.study.documents import ANSWERS
 Cell = str | int | float
 MOST_BYTES = 2**30
 """Largest size of a record, bytes."""
-EACH = ("destination", "push", "why", "wish", "stop")
-"""Events of the driver that are counted."""
 
 
 def record_name(design: Design, participant: str) -> str:

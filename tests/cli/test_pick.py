@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import pandas
 import pytest
 from click.testing import Result
 
@@ -80,6 +79,8 @@ def test_what_is_picked_is_what_the_same_choice_in_python_gives(
     assert said
     assert int(said[2]) == len(front)
     assert front[int(said[1])].costs == expected.costs
+    import pandas  # takes a second, which each process of `make test` would spend
+
     written = pandas.read_csv(tmp_path / "camera.csv")
     table = expected.trajectory.table()
     assert written.columns.tolist() == table.headings

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import pandas
 import pygltflib
 import yaml
 from mcap.reader import make_reader
@@ -33,7 +32,9 @@ class Read(NamedTuple):
     rotations: np.ndarray
 
 
-def _table(path: Path, comment: str | None = "#") -> pandas.DataFrame:
+def _table(path: Path, comment: str | None = "#") -> Any:
+    import pandas  # takes a second, which each process of `make test` would spend
+
     return pandas.read_csv(path, comment=comment)
 
 

@@ -21,7 +21,7 @@ from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import AT_ONCE, KEPT, NEAR, ROUNDING
 from hpop.models.serial_arm.judge import LIBRARIES, ArmJudge, joint_frames
 from hpop.models.serial_arm.scene import ArmScene, paired, scene_of
-from hpop.models.two_arms.law import TIME, ReachInTime
+from hpop.models.two_arms.motion import TIME, ReachInTime
 from hpop.motions import Motions, States, collision_of
 from hpop.world import World
 from hpop.world.geometry.solids import Solid

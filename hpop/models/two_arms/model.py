@@ -21,8 +21,7 @@ from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import levers
 from hpop.models.serial_arm.laws import JointSpline, doubtful, faults
 from hpop.models.two_arms.collision import BothArms, TwoArmsCollision, TwoArmsJudge
-from hpop.models.two_arms.law import PACE, TIME, ReachInTime
-from hpop.models.two_arms.work import STEP, WorkMotion
+from hpop.models.two_arms.motion import PACE, STEP, TIME, ReachInTime, WorkMotion
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

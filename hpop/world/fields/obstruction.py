@@ -122,22 +122,6 @@ def _transform_of_cell(
     return reach, tile, np.fft.rfft2(kernel, (tile, tile))
 
 
-def raster_obstruction(
-    raster: Raster, radius: float, camera_z: float = 0.0, outside_is_obstacle: bool = True, *, pad: int = 0
-) -> FloatArray:
-    """Return the obstructed fraction (H + 2 pad, W + 2 pad) of the ball at each cell centre; see `RasterBalls`."""
-    balls = RasterBalls(raster, radius, camera_z, outside_is_obstacle, pad=pad)
-    out = np.empty(balls.shape)
-    for row in range(0, out.shape[0], balls.side):
-        for column in range(0, out.shape[1], balls.side):
-            place = (
-                slice(row, min(row + balls.side, out.shape[0])),
-                slice(column, min(column + balls.side, out.shape[1])),
-            )
-            out[place] = balls.values(*place)
-    return out
-
-
 def polygon_obstruction(obstacles: Sequence[Obstacle], x: Column, y: Column, z: Column, radius: float) -> FloatArray:
     """Return the obstructed fraction of the ball round each camera position, in closed form.
 

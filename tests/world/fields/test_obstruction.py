@@ -16,7 +16,7 @@ from shapely.geometry import Polygon
 from hpop.world import Obstacle, Raster, World
 from hpop.world.fields import obstruction
 from hpop.world.fields import obstruction as module
-from hpop.world.fields.obstruction import SolidBalls, disjoint_prisms, filled, polygon_obstruction, raster_obstruction
+from hpop.world.fields.obstruction import RasterBalls, SolidBalls, disjoint_prisms, filled, polygon_obstruction
 from hpop.world.geometry.rays_in_space import Surfaces
 from hpop.world.geometry.solids import Box, Cylinder, Solid, Sphere, pose_at
 
@@ -105,6 +105,12 @@ def test_no_obstacles_and_no_points_are_fine():
     assert polygon_obstruction([Obstacle(shapely.box(0, 0, 1, 1))], [], [], [], 1.0).size == 0
 
 
+def values_of(raster, radius, camera_z, outside_is_obstacle):
+    balls = RasterBalls(raster, radius, camera_z, outside_is_obstacle)
+    assert max(balls.shape) <= balls.side  # one tile is the whole map
+    return balls.values(*(slice(0, size) for size in balls.shape))
+
+
 @pytest.mark.parametrize("resolution", [0.05, 0.25, 1.0])
 def test_cells_agree_with_the_polygons_of_their_squares_at_any_resolution(resolution):
     rng = np.random.default_rng(3)
@@ -114,13 +120,13 @@ def test_cells_agree_with_the_polygons_of_their_squares_at_any_resolution(resolu
     squares = [Obstacle(part, 0.1, 1.4) for part in shapely.get_parts(raster.solid())]
     x, y = raster.to_world(*(c.ravel() + 0.5 for c in np.meshgrid(np.arange(17), np.arange(12))))
     expected = polygon_obstruction(squares, x, y, 0.9, radius).reshape(shape)
-    assert raster_obstruction(raster, radius, 0.9, False) == pytest.approx(expected, abs=1e-9)
+    assert values_of(raster, radius, 0.9, False) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_outside_of_an_image_is_obstacle_or_not_as_asked():
     empty = Raster(np.zeros((9, 9), dtype=bool), 0.5)
-    assert raster_obstruction(empty, 1.0, 0.0, False).max() == 0.0
-    phi = raster_obstruction(empty, 1.0, 0.0, True)
+    assert values_of(empty, 1.0, 0.0, False).max() == 0.0
+    phi = values_of(empty, 1.0, 0.0, True)
     assert phi[4, 4] == 0.0
     d = 0.25
     assert phi[4, 0] == pytest.approx((1 - d) ** 2 * (2 + d) / 4, abs=1e-9)
@@ -129,7 +135,7 @@ def test_the_outside_of_an_image_is_obstacle_or_not_as_asked():
 def test_raster_values_are_exactly_zero_or_one_where_they_should_be():
     cells = np.zeros((40, 80), dtype=bool)
     cells[:, 40:] = True
-    phi = raster_obstruction(Raster(cells, 0.1), 0.5, 0.0, False)
+    phi = values_of(Raster(cells, 0.1), 0.5, 0.0, False)
     assert (phi[10:30, :34] == 0.0).all()
     assert phi[20, 60] == pytest.approx(1.0, abs=1e-12)
     assert ((phi >= 0) & (phi <= 1)).all()
