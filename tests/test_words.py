@@ -85,13 +85,12 @@ def test_puzzles_are_found(text: str, words: list[str]) -> None:
 
 def test_a_class_name_has_one_meaning() -> None:
     """A reader who has met a name once knows it everywhere in hpop."""
-    places = defaultdict(list)
+    candidates = defaultdict(list)
     for path in files("hpop"):
         for match in re.finditer(r"^ *class (\w+)\b.*:$", path.read_text(encoding="utf-8"), re.MULTILINE):
-            places[match[1]].append(path)
-    suspects = {path for found in places.values() if len(found) > 1 for path in found}
+            candidates[match[1]].append(path)
     places = defaultdict(list)
-    for path in suspects:  # some of those are words in a docstring
+    for path in {path for found in candidates.values() if len(found) > 1 for path in found}:  # or words of a docstring
         for kind, name, place, _ in definitions(path):
             if kind == "ClassDef":
                 places[name].append(place)
