@@ -10,12 +10,14 @@ import numpy as np
 import shapely
 
 from hpop.base.arrays import FloatArray
+from hpop.base.math import wrap
 from hpop.base.text import printable
 from hpop.drive.known_paths import clear_trajectories
 from hpop.drive.options import Options
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import CriterionError
 from hpop.live.cards import Ways, cards, described, line_of
+from hpop.motions import States
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 
@@ -29,7 +31,7 @@ class Offer:
 
     ways     the ways, and their front
     time     s, time of the session at which they begin
-    place    (x, y) where they begin, m
+    place    (x, y, theta) where they begin, m and rad
     status, certificate, gap  of the search that found them; the gap is relative: for every cost vector that is missing,
              one of the ways is at most a factor 1 + gap worse; infinite if nothing is proved
     before   the present plan from its beginning to ``place``; None if the robot stands
@@ -40,7 +42,7 @@ class Offer:
 
     ways: Ways
     time: float
-    place: tuple[float, float]
+    place: tuple[float, float, float]
     status: str
     certificate: str
     gap: float
@@ -57,8 +59,10 @@ class Offer:
         if options.kept is not None:
             costs = np.vstack([costs, [options.kept.costs[name] for name in front.names]])
         ways = Ways(options.ways, costs, front, options.keep_on)
-        at, found = (float(commit.state.x[0]), float(commit.state.y[0])), (str(options.status), options.certificate)
-        return cls(ways, commit.time, at, *found, options.gap, options=options, surroundings=surroundings)
+        found = str(options.status), options.certificate
+        return cls(
+            ways, commit.time, pose_of(commit.state), *found, options.gap, options=options, surroundings=surroundings
+        )
 
     def is_open(self, option: int, now: DriveSurroundings, margin: float) -> bool:
         """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
@@ -78,7 +82,7 @@ class Offer:
         return {
             "type": "options",
             "asked": now,
-            "commit": {"t": self.time, "x": self.place[0], "y": self.place[1]},
+            "commit": {"t": self.time, **dict(zip(("x", "y", "theta"), self.place, strict=True))},
             "cards": cards(self.ways, preference),
             "all": described(self.ways),
             "present": self.ways.present,
@@ -86,6 +90,11 @@ class Offer:
             "status": self.status,
             "gap": self.gap if math.isfinite(self.gap) else None,
         }
+
+
+def pose_of(state: States) -> tuple[float, float, float]:
+    """Return the pose (x, y, yaw), m and rad, of a state (1,)."""
+    return float(state.x[0]), float(state.y[0]), float(wrap(state.yaw[0]))
 
 
 def plan_message(trajectory: Trajectory, now: float, elapsed: float, *, arrives: bool = True) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from hpop.drive.script import follow
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, line_of
 from hpop.live.offered_drive import LEAD, Message, OfferedDrive, Pose
-from hpop.live.offers import HORIZON, Offer, apart
+from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.problems.why import why_not
@@ -111,9 +111,8 @@ class LivePlanner(OfferedDrive):
             yield {**goal.place, "status": "blocked", "words": printable(words), "goal": None}
             return
         ways = Ways(front.trajectories, front.costs, front)
-        at = (float(state.x[0]), float(state.y[0]))
         gap = 0.0 if front.status == "complete" else math.inf
-        self.offer = Offer(ways, time, at, front.status, front.certificate, gap, before, problem)
+        self.offer = Offer(ways, time, pose_of(state), front.status, front.certificate, gap, before, problem)
         yield self._told(self.offer, now)
 
     def _told(self, offer: Offer, now: float) -> Message:

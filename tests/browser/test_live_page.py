@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -12,9 +11,7 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-import numpy as np
 import pytest
-import shapely
 from playwright.sync_api import Browser, Page, WebSocket, expect
 
 from hpop.cli.living import server_of
@@ -318,80 +315,3 @@ def test_the_page_passes_the_rules_of_axe_and_is_as_wide_as_the_window(
         guest.page.keyboard.press("?")
         assert guest.page.evaluate(VIOLATIONS) == []
         assert guest.page.evaluate("document.documentElement.scrollWidth - window.innerWidth") <= 0
-
-
-HALL = """\
-world:
-  polygons:
-    extent: [[0, 0], [14, 0], [14, 9], [0, 9]]
-    obstacles: [{obstacles}]
-model:
-  differential_drive: {{radius: 0.25}}
-start: [1, 1, 0]
-goal: [13, 8, any]
-criteria: [turns, length]
-planner:
-  lattice: {{step: 0.5}}
-"""
-HALLS = {
-    "pillars": [(3, 2, 4, 3), (3, 6, 4, 7), (7, 4, 8, 5), (10, 2, 11, 3), (10, 6, 11, 7)],
-    "rooms": [(4.5, 0, 4.7, 3), (4.5, 5, 4.7, 9), (9.5, 0, 9.7, 4), (9.5, 6, 9.7, 9)],
-    "aisles": [(3, 2, 11, 2.6), (3, 4.2, 11, 4.8), (3, 6.4, 11, 7)],
-}
-SESSION = 60.0  # s on each map
-CROWD = 6
-
-
-@pytest.mark.parametrize("name", HALLS)
-def test_a_session_among_people_who_react_touches_nobody_and_tells_true_numbers(
-    browser: Browser, tmp_path: Path, name: str
-) -> None:
-    """Choose, take, push, ask, stop and go at random; judge all that was told by geometry alone."""
-    pytest.importorskip("jupedsim")
-    boxes = [shapely.box(*corners) for corners in HALLS[name]]
-    walls, corners = shapely.union_all(boxes), "{{corners: [[{0}, {1}], [{2}, {1}], [{2}, {3}], [{0}, {3}]]}}"
-    scenario = HALL.format(obstacles=", ".join(corners.format(*box) for box in HALLS[name]))
-    chance = np.random.default_rng(7)
-    with served(tmp_path, scenario, crowd=CROWD) as server:
-        guest = Guest(browser, server.address())
-        guest.room = (14.0, 9.0)
-        guest.prepared()
-        asked: list[tuple[float, float]] = []
-        end = time.monotonic() + SESSION
-        while time.monotonic() < end:
-            x, y = float(chance.uniform(0.5, 13.5)), float(chance.uniform(0.5, 8.5))
-            match chance.choice(["go", "go", "take", "push", "push", "why", "stop"]):
-                case "go":
-                    guest.page.keyboard.press("g")
-                    guest.page.mouse.click(*guest.on_map(x, y))
-                case "take":
-                    guest.page.keyboard.press(str(chance.integers(1, 4)))
-                case "push":
-                    guest.page.keyboard.press(str(chance.choice(["ArrowLeft", "ArrowRight", "ArrowUp"])), delay=100)
-                case "why":
-                    guest.page.keyboard.press("q")
-                    guest.page.mouse.click(*guest.on_map(x, y))
-                    asked.append((x, y))
-                case "stop":
-                    guest.page.keyboard.press("Escape")
-                    guest.page.wait_for_timeout(1000)
-                    guest.page.keyboard.press(" ")
-            guest.page.wait_for_timeout(1500)
-        guest.close()
-    assert guest.complaints == []
-    states = guest.of("state")
-    driven = sum(math.dist((a["x"], a["y"]), (b["x"], b["y"])) for a, b in pairwise(states))
-    assert len(states) > 5 * SESSION
-    assert driven > 2.0
-    for state in states:
-        here = (state["x"], state["y"])
-        assert walls.distance(shapely.Point(here)) > 0.25
-        assert all(math.dist(here, person[:2]) > 0.5 for person in state["people"]), state
-    for options in guest.of("options"):
-        for card in options["cards"]:
-            line = shapely.LineString([*card["line"], card["line"][-1]])
-            assert card["costs"]["length"] == pytest.approx(line.length, abs=0.05)
-            assert walls.distance(line) > 0.24
-    for why in guest.of("why"):
-        line = shapely.LineString(why["line"]) if len(why["line"]) > 1 else None
-        assert line is None or min(line.distance(shapely.Point(place)) for place in asked) < 0.6
