@@ -32,6 +32,7 @@ KINDS = (
     "push",
     "wish",
     "why",
+    "explore",
     "close",
     "open",
     "people",

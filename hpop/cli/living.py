@@ -49,6 +49,7 @@ PORT = 8020
     metavar="N",
     help="People who walk about and avoid the robot, in place of those of the scenario: needs hpop[crowd]. [0]",
 )
+@click.option("--video", metavar="URL", default="", help="MJPEG stream of the robot's camera, to show as the view.")
 @click.option(
     "--robot", metavar="URL", help="Drive a robot through rosbridge, such as ws://localhost:9090. [a simulated robot]"
 )
@@ -62,6 +63,7 @@ def live(
     network: bool = False,
     out: Path | None = None,
     imports: Sequence[str] = (),
+    video: str = "",
     **robot: Any,
 ) -> None:
     """Serve a live session: choose a destination, be offered ways, drive.
@@ -84,7 +86,7 @@ def live(
     if replay:
         server = replay_of(scenario, **options)
     else:
-        server = server_of(scenario, out or Path("out", scenario.stem), imports, robot, **options)
+        server = server_of(scenario, out or Path("out", scenario.stem), imports, robot, video=video, **options)
     with server:
         if not replay:
             echo(f"drive: {server.address(here)}")
@@ -103,28 +105,32 @@ def server_of(
     robot: Mapping[str, Any] = {},  # not changed
     *,
     name: str = "",
+    video: str = "",
     **options: Any,
 ) -> LiveServer:
     """Return the server of a live session, and create its record: a new file in the folder ``out``.
 
     robot    options of :class:`hpop.live.simulator.SimulatorOptions`, or ``robot``, the address of rosbridge, and
              fields of :class:`hpop.ros.FollowInterface`
+    video    address of an MJPEG stream of the robot's camera
     name     of the record; default: one from the present time
     options  arguments of :class:`.LiveServer`
     """
     from hpop.live.process import PlannerProcess
     from hpop.live.record import Record
-    from hpop.live.scene import scene_of
+    from hpop.live.scene import scene_of, video_origin
     from hpop.live.server import LiveServer
     from hpop.live.session import LiveSession
     from hpop.scenario import load_scenario
 
     cli.user_code.register(imports)
     problem = load_scenario(scenario).problem
+    video_origin(video)
     driven, people, about = _robot_of(problem, robot)
     scene = scene_of(problem, scenario.stem)
     name = name or time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
     record = Record(out / name, {"scenario": str(scenario), "simulator": about, "scene": scene})
+    scene["video"] = video  # not recorded: the address may be a secret
     session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), driven, people)
     return LiveServer(session, **options)
 

@@ -24,10 +24,12 @@ from hpop.live.offered_drive import LEAD, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
+from hpop.problems.problem import Planning, Problem
 from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
 from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
+from hpop.view.explorer.payload import payload as explorer_payload
 from hpop.world import Person
 
 AHEAD = 0.8
@@ -224,17 +226,29 @@ class LivePlanner(OfferedDrive):
             yield {"type": "refused", "words": "there are no ways to explain; choose a destination first"}
             return
         region = through.get("region") or (through["x"], through["y"])
-        problem, front = offer.problem, offer.ways.front
-        if problem is None:
-            assert self.drive is not None
-            assert offer.options is not None
-            problem = self.drive.surroundings.at(offer.options.commit.state, offer.time)
-            problem = replace(problem, tour=offer.options.commit.tour)
+        problem, front = self._problem_of(offer), offer.ways.front
+        if offer.problem is None:
             front = self.planning.front(problem)
         found = why_not(problem, front, region, planner=self.planning.planner)
         line = [] if found.best is None else line_of(found.best.trajectory)
         sentence = printable(found.sentence)
         yield {"type": "why", "sentence": sentence, "exact": found.exact, "costs": found.numbers, "line": line}
+
+    def explore(self, now: float, pose: Pose) -> Iterator[Message]:
+        """Return the data of the explorer's page for the front of the ways that were offered last; None for none."""
+        offer, data = self.offers[-1][1] if self.offers else None, None
+        if offer is not None and (offer.options is None or self.drive is not None):
+            data = explorer_payload(self._problem_of(offer), offer.ways.front, preference=self.preference)
+        yield {"type": "explorer", "payload": data}
+
+    def _problem_of(self, offer: Offer) -> Problem:
+        """Return the planning problem of an offer."""
+        if offer.problem is not None:
+            return offer.problem
+        assert self.drive is not None
+        assert offer.options is not None
+        problem = self.drive.surroundings.at(offer.options.commit.state, offer.time)
+        return replace(problem, tour=offer.options.commit.tour)
 
     # Changes of the world
 

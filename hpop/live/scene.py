@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import shapely
 
-from hpop.base.text import printable
+from hpop.base.text import printable, shown
+from hpop.errors import OptionError
 from hpop.motions import Model
 from hpop.problems.problem import Problem
 from hpop.view.ride.page import licence, links_of, tilted_solids
@@ -18,8 +21,30 @@ ROUND = 8
 """Corners of a quarter of a rounded outline."""
 
 
+HOST = re.compile(r"[A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]")
+
+
+def video_origin(url: str) -> str:
+    """Return the origin of a video's address, such as "http://robot:8080"; "" for no address.
+
+    OptionError for an invalid address.
+    """
+    if not url:
+        return ""
+    try:
+        parts = urlsplit(url)
+        host = parts.netloc.rpartition(":")[0] if parts.port is not None else parts.netloc
+    except ValueError:  # an invalid port
+        parts, host = urlsplit(""), ""
+    if parts.scheme not in ("http", "https") or not HOST.fullmatch(host) or not (url.isascii() and url.isprintable()):
+        raise OptionError(
+            f"video must be the address of a camera's MJPEG stream, such as http://robot:8080/stream, got {shown(url)}"
+        )
+    return f"{parts.scheme}://{parts.netloc}"
+
+
 def scene_of(problem: Problem, title: str) -> dict[str, Any]:
-    """Return the map, the robot and the criteria as JSON, for the page; without role and settings."""
+    """Return the map, the robot and the criteria as JSON, for the page; without role, settings and video."""
     seen, model = ViewScene.of(problem), problem.model
     state = model.space.state(problem.start)
     base, camera = model.pose("base", state), model.pose("camera", state)

@@ -10,6 +10,7 @@ import secrets
 import ssl
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager, suppress
+from http import HTTPStatus
 from typing import Any
 
 from starlette.requests import Request
@@ -17,8 +18,10 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from hpop.live.scene import video_origin
 from hpop.live.viewer import Audience, Viewer
 from hpop.runtime.page_server import LOCAL, PageServer, same
+from hpop.view.explorer.payload import SCRIPT as EXPLORER
 from hpop.view.single_page import bundle, single_page
 
 GREETING = 10.0
@@ -27,6 +30,7 @@ READS = 10.0
 """Time, s, within which a page must read a message."""
 GOING = 1008
 """Code with which a socket is closed that breaks the rules."""
+NO_FRONT = "there are no ways to explore now; choose a destination on the live page, then try again"
 PLACEHOLDER = """<!doctype html><html lang="en"><meta charset="utf-8"><title>hpop live</title>
 <p>The page of live sessions is not built. The websocket at <code>socket</code> works.</p></html>"""
 
@@ -51,7 +55,11 @@ class LiveServer(PageServer):
     ) -> None:
         self.session, self.greeting = session, GREETING
         self.watching = watching or secrets.token_urlsafe(9)
-        routes = [Route("/", self._page), WebSocketRoute("/socket", self._connect)]
+        routes = [
+            Route("/", self._page),
+            Route("/explore", self._explore),
+            WebSocketRoute("/socket", self._connect),
+        ]
         token = driving or secrets.token_urlsafe(9)
         super().__init__(routes, host=host, port=port, names=names, token=token, secured=secured, sockets=True)
 
@@ -85,8 +93,16 @@ class LiveServer(PageServer):
             bundle("live.js")
         except OSError:
             return HTMLResponse(PLACEHOLDER)
-        page = single_page("live.js", payload["title"], {**payload, "token": token}, connect="'self'")
+        camera = video_origin(self.session.scene.get("video", ""))
+        page = single_page("live.js", payload["title"], {**payload, "token": token}, connect="'self'", images=camera)
         return HTMLResponse(page.encode(errors="backslashreplace"))
+
+    async def _explore(self, request: Request) -> Response:
+        """Return the explorer with the front of the ways that were offered last, to those who may drive."""
+        data = await self.session.explorer() if same(request.scope["token"], self.token) else None
+        if data is None:
+            return self.refused(request.method, HTTPStatus.NOT_FOUND, NO_FRONT)
+        return HTMLResponse(single_page(EXPLORER, data["title"], data).encode(errors="backslashreplace"))
 
     async def _connect(self, socket: WebSocket) -> None:
         """Connect a page with the session until one of them ends it."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from hpop.live.messages import WATCHING
@@ -31,10 +32,6 @@ SILENT = 0.5
 """Time, s, without a sign of the driver's page after which the robot brakes."""
 LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
-ANNOUNCED = 3.0
-"""Time, s, before a turn at which it is announced."""
-SAME_TURN = 1.5
-"""Time, s, between the begins of two turns to one side, up to which they count as one that is announced once."""
 RENEWED, RENEWED_BEFORE = 0.4, 0.5
 """Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
 RESTS = 2.0
@@ -46,6 +43,8 @@ PREDICTED = 4.0
 BEFORE_PEOPLE = 0.15
 """Distance, m, that the robot keeps from people when it brakes before them."""
 LOOK = "and what was asked last may be lost: look at what is closed, then choose a way"
+EXPLORES = 20.0
+"""Time, s, to wait for the data of the explorer."""
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
 
@@ -85,14 +84,14 @@ class LiveSession(Audience):
         self._plan: int | None = None  # number of the present plan among the ways
         self._goal: dict[str, Any] | None = None
         self._closed: dict[str, Any] | None = None  # corners of closed areas by name; None before any change
+        self._explored: asyncio.Future[dict[str, Any] | None] | None = None
         self._areas = 0
         self._told_areas: Mapping[str, list[list[float]]] = {}
         self._pushed_at = 0.0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
-        self._has_arrived, self._announced = True, 0
+        self._has_arrived = True
         self._is_planless = False  # whether the planner does not know the plan that the robot would follow
         self._repeats = 0  # how often the destination was asked again without an answer
-        self._last_turn = (-math.inf, 0.0)  # time of the session at which it begins, s, and its angle, rad
 
     # Time
 
@@ -126,7 +125,8 @@ class LiveSession(Audience):
             self._has_arrived, self._goal = True, None
             self.tell({"type": "arrived"})
             self._ask("arrived", there=lambda: self._has_arrived)
-        self._announce()
+        if (turn := self.robot.announcement()) is not None:
+            self.tell(turn)
         if now >= self._next["state"]:
             self._next["state"] = max(self._next["state"] + STATE, now - STATE)
             for viewer in self.viewers:
@@ -183,7 +183,18 @@ class LiveSession(Audience):
     def scene_for(self, viewer: Viewer) -> dict[str, Any]:
         """Return the message "scene" for a viewer, with its role, the settings and the names of the closed areas."""
         role = "drive" if viewer is self.driver else "watch"
-        return {**self.scene, "role": role, "settings": self.settings, "closed": list(self._closed or ())}
+        explorer = "explore" if viewer.may_drive else ""
+        more = {"settings": self.settings, "closed": list(self._closed or ()), "explorer": explorer}
+        return {**self.scene, "role": role, **more}
+
+    async def explorer(self) -> dict[str, Any] | None:
+        """Return the data of the explorer's page for the front of the ways that were offered last; None for none."""
+        if self._explored is None or self._explored.done():
+            self._explored = asyncio.get_running_loop().create_future()
+            self._ask("explore")
+        with suppress(TimeoutError):
+            return await asyncio.wait_for(asyncio.shield(self._explored), EXPLORES)
+        return None
 
     def tell(self, message: Mapping[str, Any]) -> None:
         """Send a message to all viewers, and record it."""
@@ -290,6 +301,9 @@ class LiveSession(Audience):
                 self.tell(message)
             case "pushed":
                 self.tell({**message, "milliseconds": round(1000.0 * (self.now - self._pushed_at), 1)})
+            case "explorer":
+                if self._explored is not None and not self._explored.done():
+                    self._explored.set_result(message["payload"])
             case "changed":
                 self._closed = message["closed"]
                 self.tell({"type": "closed", "names": list(message["closed"])})
@@ -310,7 +324,7 @@ class LiveSession(Audience):
         trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
         elapsed = message["elapsed"] + self.now - message["now"]
         self.robot.follow(trajectory, elapsed, arrives=message["arrives"])
-        self._has_arrived = self._announced = self._is_planless = False
+        self._has_arrived = self._is_planless = False
         self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
 
     def _leave_plan(self) -> None:
@@ -385,18 +399,3 @@ class LiveSession(Audience):
             return trouble
         least = self.reach + self._pedestrians.radius + BEFORE_PEOPLE
         return "a person is in the way" if not self._has_arrived and self.robot.meets(self.people, least) else ""
-
-    def _announce(self) -> None:
-        """Announce the next turn once, some seconds before it begins."""
-        for i, turn in enumerate(self.robot.turns):
-            wait = turn.begin - self.robot.clock
-            if i >= self._announced and 0.0 <= wait <= ANNOUNCED and not self.robot.stands:
-                self._announced = i + 1
-                begins, before = self.now + wait, self._last_turn
-                self._last_turn = (begins, turn.angle)
-                if abs(begins - before[0]) < SAME_TURN and turn.angle * before[1] > 0:
-                    return  # the plan has changed since, but not this turn
-                side = "left" if turn.angle > 0 else "right"
-                degrees = round(abs(math.degrees(turn.angle)))
-                self.tell({"type": "turn", "in": round(wait, 2), "direction": side, "degrees": degrees})
-                return

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -29,6 +29,10 @@ SAMPLED = 0.02
 """Time between the poses of a plan that are compared with the robot's, s."""
 SAME = 1e-3
 """Distance, m, up to which two places count as one."""
+ANNOUNCED = 3.0
+"""Time, s, before a turn at which it is announced."""
+SAME_TURN = 1.5
+"""Time, s, between the begins of two turns to one side, up to which they count as one that is announced once."""
 LOOKS = tuple(0.2 * i for i in range(1, 8))
 """Moments of a look ahead at people, as shares of the time to brake."""
 STILL = 1e-3
@@ -106,6 +110,8 @@ class LiveRobot:
         self._delay = delay
         self._tracker: Tracker | None = None
         self._zero, self._now = 0.0, 0.0  # session's time at which the plan began, and now
+        self._announced = 0  # turns of the plan
+        self._last_turn = (-math.inf, 0.0)  # time of the session at which it begins, s, and its angle, rad
 
     @classmethod
     def simulated(cls, model: Model, pose: Pose, options: SimulatorOptions) -> LiveRobot:
@@ -167,7 +173,7 @@ class LiveRobot:
         yaw = trajectory.model.space.names.index("yaw")
         motions = perceived_motions(done)
         self.turns = tuple(AnnouncedTurn(m.begin, float(m.change[yaw])) for m in motions if m.change[yaw])
-        self.arrives = arrives
+        self.arrives, self._announced = arrives, 0
         clock = elapsed if trajectory.punctual else self._nearest(done, elapsed)
         if self._tracker is None:
             self._tracker = Tracker(trajectory, delay=self._delay)
@@ -192,6 +198,21 @@ class LiveRobot:
         if self._tracker is None:
             return self.base.pose[:2]
         return self._tracker.at(self.clock + seconds)[:2]
+
+    def announcement(self) -> dict[str, Any] | None:
+        """Return the message "turn" some seconds before the next turn begins, once for each turn; otherwise None."""
+        for i, turn in enumerate(self.turns):
+            wait = turn.begin - self.clock
+            if i >= self._announced and 0.0 <= wait <= ANNOUNCED and not self.stands:
+                self._announced = i + 1
+                begins, before = self._now + wait, self._last_turn
+                self._last_turn = (begins, turn.angle)
+                if abs(begins - before[0]) < SAME_TURN and turn.angle * before[1] > 0:
+                    return None  # the plan has changed since, but not this turn
+                side = "left" if turn.angle > 0 else "right"
+                degrees = round(abs(math.degrees(turn.angle)))
+                return {"type": "turn", "in": round(wait, 2), "direction": side, "degrees": degrees}
+        return None
 
     def meets(self, people: Sequence[Walking], least: float) -> bool:
         """Return whether the robot would come too near to a person, as they walk now, before it could stand.

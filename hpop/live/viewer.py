@@ -109,6 +109,10 @@ class Audience:
         """Hold the session until this task is cancelled."""
         raise NotImplementedError
 
+    async def explorer(self) -> dict[str, Any] | None:
+        """Return the data of the explorer's page for the front of the ways that were offered last; None for none."""
+        return None
+
     def join(self, *, may_drive: bool) -> Viewer | None:
         """Return a new viewer; None if there are too many."""
         if sum(viewer.may_drive == may_drive for viewer in self.viewers) >= MOST_VIEWERS:

@@ -73,6 +73,7 @@ def single_page(
     payload: Mapping[str, Any],
     *,
     connect: str = "'none'",
+    images: str = "",
     frames: Iterable[str] = (),
     language: str = "en",
 ) -> str:
@@ -80,14 +81,16 @@ def single_page(
 
     connect   where the page may load data and media from (a source of its Content-Security-Policy); "'none'", except
               for a page that a server of hpop serves
+    images    origin from which the page may load images, besides its own; "" for none
     frames    hashes of the scripts of pages that this page embeds, so that its policy allows these scripts too
     language  language code of the texts, such as "en"
     """
     code = bundle(script).encode()
     scripts = " ".join(dict.fromkeys((_hash_of(LOADER.encode()), _hash_of(code), *frames)))
+    seen = " ".join(filter(None, ("data: blob:", images)))
     policy = (
         f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; "
-        f"img-src data: blob:; connect-src {connect}; media-src {connect}; base-uri 'none'; form-action 'none'"
+        f"img-src {seen}; connect-src {connect}; media-src {connect}; base-uri 'none'; form-action 'none'"
     )
     data = (
         json.dumps(payload, allow_nan=False, separators=(",", ":")).replace("</", "<\\/").replace("<!--", "<\\u0021--")

@@ -16,7 +16,9 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
+from hpop.errors import OptionError
 from hpop.live.record import read_record
+from hpop.live.scene import video_origin
 from hpop.live.server import LiveServer
 from hpop.live.simulator import WATCHDOG, LiveRobot, SimulatorOptions
 from hpop.live.viewer import BURST, MOST_BYTES, Audience, Viewer
@@ -282,3 +284,14 @@ def test_the_record_has_what_was_said_and_told_in_order(server: LiveServer, page
     assert {"hello", "destination", "take", "push", "stop", "plan", "told", "state"} <= {e["event"] for e in events}
     states = [event["t"] for event in events if event["event"] == "state"]
     assert max(after - before for before, after in pairwise(states)) < 1.0
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["robot:8080", "ftp://robot/a", "http://", "http://a;b/", "http://a:x/", "http://user@robot/", "http://a'b/"],
+)
+def test_a_video_has_an_address_that_names_one_origin(address: str) -> None:
+    assert video_origin("http://robot:8080/stream?key=1") == "http://robot:8080"
+    assert video_origin("https://[fe80::1]/a") == "https://[fe80::1]"
+    with pytest.raises(OptionError, match="video must be the address"):
+        video_origin(address)

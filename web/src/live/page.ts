@@ -307,7 +307,7 @@ export class Page {
   }
 
   private fit(): void {
-    this.view.stage.resize();
+    this.shell.frame(this.view.stage.resize());
     this.mapped = 0;
   }
 

@@ -49,8 +49,8 @@ export class View {
   ) {
     this.stage = new Stage(canvas, scene, scene.video !== "");
     this.stage.scene.add(this.floor.root);
-    if (scene.video !== "") this.stage.scenery.root.visible = false;
     this.looking = new Looking(this.stage.head, canvas, () => { this.stage.stale = true; });
+    if (scene.video !== "") this.stage.scenery.root.visible = !(this.looking.fixed = true);
     this.listen();
   }
 

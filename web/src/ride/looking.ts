@@ -17,6 +17,8 @@ export class Looking {
   /** Heading of the phone that counts as ahead, once it is known. */
   private ahead: number | null = null;
   private followed = false;
+  /** Whether the head stays as it is, as over a picture that does not turn with it. */
+  fixed = false;
   private readonly orient = (event: DeviceOrientationEvent): void => {
     this.followPhone(event);
   };
@@ -48,6 +50,7 @@ export class Looking {
   }
 
   turn(yaw: number, pitch: number): void {
+    if (this.fixed) return;
     this.yaw += yaw;
     this.pitch = MathUtils.clamp(this.pitch + pitch, -STEEPEST, STEEPEST);
     if (!this.followed) this.apply();
