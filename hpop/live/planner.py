@@ -24,7 +24,7 @@ from hpop.live.offered_drive import LEAD, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.problems.problem import Planning, Problem
+from hpop.problems.problem import Problem
 from hpop.problems.why import why_not
 from hpop.runtime.status import no_path_note
 from hpop.scenario import Scenario

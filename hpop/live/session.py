@@ -183,9 +183,8 @@ class LiveSession(Audience):
     def scene_for(self, viewer: Viewer) -> dict[str, Any]:
         """Return the message "scene" for a viewer, with its role, the settings and the names of the closed areas."""
         role = "drive" if viewer is self.driver else "watch"
-        explorer = "explore" if viewer.may_drive else ""
-        more = {"settings": self.settings, "closed": list(self._closed or ()), "explorer": explorer}
-        return {**self.scene, "role": role, **more}
+        more = {"settings": self.settings, "explorer": "explore" if viewer.may_drive else ""}
+        return {**self.scene, "role": role, "closed": list(self._closed or ()), **more}
 
     async def explorer(self) -> dict[str, Any] | None:
         """Return the data of the explorer's page for the front of the ways that were offered last; None for none."""

@@ -6,13 +6,14 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from threading import Event, Thread
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from websockets.exceptions import ConnectionClosed
 
 import hpop
 from hpop.errors import OptionError
@@ -79,7 +80,8 @@ class DrivenRobot(Robot):
         data = json.dumps({"op": "publish", "topic": "/tf", "msg": {"transforms": links}})
         for client in list(self.bridge.clients):
             if "/tf" in client.heard:
-                client.connection.send(data)
+                with suppress(ConnectionClosed):
+                    client.connection.send(data)
 
 
 @contextmanager
