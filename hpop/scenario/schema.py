@@ -364,7 +364,7 @@ TwoStops = Annotated[list[int | str], Field(min_length=2, max_length=2)]
 class TourSection(_Strict):
     """Stops to visit on the way to the goal."""
 
-    order: Literal["given", "any"] | None = None  # given: as listed, the default
+    order: Literal["given", "any"] | list[TwoStops] | None = None  # given: as listed, the default; or pairs, like some
     some: list[TwoStops] | None = None  # pairs of stops, by name (or index from 0), that keep their order
     stops: list[Entry] = Field(min_length=1)  # discs of positions, goals or landmarks
 

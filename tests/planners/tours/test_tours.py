@@ -232,7 +232,8 @@ def test_a_scenario_has_the_tour_that_python_has(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("order", "stop", "said"),
     [
-        ("order: sometimes", OPTIONAL, "tour.order: expected 'given' or 'any', got 'sometimes'"),
+        ("order: sometimes", OPTIONAL, "tour.order: expected 'given' or 'any' or a list, got 'sometimes'"),
+        ("order: [[0, 1], [1, 0]]", OPTIONAL, "tour.order: pairs of the order must not contradict each other, but"),
         ("some: [[0, 1], [1, 0]]", OPTIONAL, "tour.some: pairs of the order must not contradict each other, but"),
         (
             "order: any",
