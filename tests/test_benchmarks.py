@@ -80,6 +80,7 @@ def test_make_bench_fails_on_a_regression_and_still_writes_what_it_measured(
     assert json.loads(out.read_text())["instances"] == [worse]
 
 
+@pytest.mark.proof
 def test_the_benchmark_of_tours_counts_a_layer_for_each_set_of_visited_stops(module):
     tours = module("tours")
     alone, in_order, free = (tours.searched(tours.Case(1.0, *case)) for case in ((0,), (3, "given"), (3, "any")))

@@ -92,7 +92,7 @@ def place_of(seed: int) -> shapely.Geometry:
     return shapely.box(x - 0.3, y - 0.3, x + 0.3, y + 0.3)
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.seeds(8, of=24)
 def test_the_best_paths_through_a_place_are_those_of_all_walks(seed: int) -> None:
     problem, free, goal = drawn(seed // 2)
     place = place_of(seed)

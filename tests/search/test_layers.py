@@ -87,7 +87,7 @@ def test_bounds_of_layers_are_the_scalar_optima(kind, seed):
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("options", [{}, {"eps": 0.1}, {"method": "general"}], ids=str)
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.seeds(1, of=4)
 def test_fronts_of_layers_are_those_of_copies(kind, options, seed):
     layered, copied = (made(kind, seed, is_reused=is_reused) for is_reused in (True, False))
     source, targets = seed, [copied.nodes - 1, copied.nodes - 2]

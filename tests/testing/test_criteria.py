@@ -177,6 +177,9 @@ ALIKE = (
     "worst_obstruction",
     "openness",
     "landmark_visibility",
+    "field_worst",
+    "time_below",
+    "stale_view",
 )
 #: Checked in another world by their own tests.
 ELSEWHERE = (
@@ -187,10 +190,11 @@ ELSEWHERE = (
 IN_SPACE = ("camera_length", "camera_roll", "hand_eye_misalignment", "joint_length", "joint_limits", "view_distance")
 #: Checked with few rays in every run, since few are enough to find a fault.
 FEWER = {"optic_flow": {"bearings": 4}}
-#: Each is built like one that every run checks: clearance, look_at, joint_energy, o_space, exposure, rotation.
+#: Each is built like one that every run checks: clearance, look_at, joint_energy, o_space, exposure, rotation, jerk.
 BESIDE = (
     *("worst_intrusion", "proximity", "heading_mismatch", "singularity", "energy"),
     *("passing_distance", "personal_space", "enclosure", "rotation_time"),
+    *("felt_acceleration", "squared_acceleration", "bending_energy", "unseen_landmarks", "speed_changes", "msdv"),
 )
 IN_PROOF = {*ALIKE, *ELSEWHERE, *IN_SPACE, *FEWER, *BESIDE}
 JUMPS = {"occlusion", "energy"}  # see below

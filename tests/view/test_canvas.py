@@ -35,6 +35,7 @@ def front(problem, make_front):
     return make_front(problem, np.array([[0.0, 20.0], [2.0, 14.0], [4.0, 9.0]]))
 
 
+@pytest.mark.cases("map", "front", "where")
 @pytest.mark.parametrize("name", DRAWN)
 def test_a_picture_keeps_to_its_half_of_a_figure_and_leaves_the_rest(problem, front, name):
     figure = Figure(figsize=(16, 7), layout="constrained")

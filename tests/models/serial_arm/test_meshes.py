@@ -361,7 +361,7 @@ def brute_depth(corners, planes):
     return float((-(points @ planes[:, :3].T + planes[:, 3]).max(axis=1)).max())
 
 
-@pytest.mark.seeds(4, of=60)
+@pytest.mark.seeds(2, of=60)
 def test_a_mesh_counts_as_convex_as_all_depths_say(seed):
     """Bodies with dents about as deep as is allowed, of some hundred faces."""
     rng = np.random.default_rng(seed)
@@ -379,7 +379,7 @@ def test_a_mesh_counts_as_convex_as_all_depths_say(seed):
     assert largest - EXACT <= depth(faces, body) <= largest + 1e-12 or deepest > 0
 
 
-@pytest.mark.seeds(4, of=60)
+@pytest.mark.seeds(2, of=60)
 def test_a_simpler_hull_encloses_all_points_and_is_hardly_larger(seed):
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(4000, 3))

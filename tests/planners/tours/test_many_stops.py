@@ -84,7 +84,7 @@ def whole(found: Candidates) -> set[tuple[int, ...]]:
     return set(map(tuple, np.rint(found.planned / quanta).astype(int).tolist()))
 
 
-@pytest.mark.seeds(10, of=120)
+@pytest.mark.seeds(5, of=120)
 def test_stops_of_one_state_have_the_front_of_all_orders_and_of_the_layered_search(seed: int) -> None:
     world, ends, stops, order = sites_drawn(seed, 2 + seed % 3)
     criteria = [*CRITERIA, *(["stops_missed"] if any(stop["optional"] for stop in stops) else [])]

@@ -42,7 +42,7 @@ def copied(space: TourGraph, criteria: hpop.Problem) -> Graph:
 
 
 @pytest.mark.parametrize("name", PLANNERS)
-@pytest.mark.seeds(3, of=60)
+@pytest.mark.seeds(2, of=60)
 def test_fronts_are_those_of_copied_layers(name: str, seed: int) -> None:
     world, (start, goal), stops, order = drawn(2000 + seed)
     planner, criteria = PLANNERS[name]

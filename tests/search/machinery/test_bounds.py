@@ -39,7 +39,7 @@ def test_bounds_are_the_scalar_optima(seed):
 
 @pytest.mark.parametrize(("cells", "size"), [(12, 5), (2, 65)], ids=["by groups", "by nodes, as groups are too large"])
 @pytest.mark.parametrize("how", ["sum", "max"])
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.seeds(3, of=8)
 def test_bounds_are_the_scalar_optima_where_turns_make_groups(seed, how, cells, size):
     """Turns of unlike prices (metric, as groups ask), and plain arcs inside groups as well as between them."""
     rng = np.random.default_rng(seed)
