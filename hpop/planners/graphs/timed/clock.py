@@ -10,11 +10,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.options import MOST, real
 from hpop.base.text import set_python_values
 from hpop.errors import OptionError
@@ -145,3 +145,22 @@ def needless(problem: Problem, options: TimeOptions) -> tuple[str, ...]:
     if not unused:
         return ()
     return (f"no person moves, so the search does not consider time: {', '.join(unused)} had no effect",)
+
+
+class BlockedArcs(NamedTuple):
+    """Arcs that are blocked for departures at some ticks.
+
+    rows   (b,)  indices of the arcs, ascending
+    table  (b, H + 1)  True at the departure ticks at which each arc is blocked
+    """
+
+    rows: IntArray
+    table: BoolArray
+
+    @classmethod
+    def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
+        """Build the table, for ticks 0 to ``horizon``, from pairs (N,) of an arc and a tick at which it is blocked."""
+        arcs, which = np.unique(rows, return_inverse=True)
+        table = np.zeros((arcs.size, horizon + 1), dtype=bool)
+        table[which, ticks] = True
+        return cls(arcs, table)

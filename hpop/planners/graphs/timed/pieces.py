@@ -145,6 +145,22 @@ def strips(
     )
 
 
+class Separation(NamedTuple):
+    """Distances (T,) that a robot needs from a person at some times; it is enough to have one of the two.
+
+    gap   m  between the surfaces
+    axis  m  from the robot's axis to the person's centre
+    """
+
+    gap: FloatArray
+    axis: FloatArray
+
+
+def of_rows(places: tuple[Place, ...], rows: IntArray) -> tuple[Place, ...]:
+    """Return the points with the given indices, for each of several arrays of points."""
+    return tuple((x[rows], y[rows]) for x, y in places)
+
+
 def to_strips(corners: tuple[Place, ...]) -> FloatArray:
     """Return the distance (N,), m, of the origin from N convex quadrilaterals, given by four corners; 0 inside."""
     following = [*corners[1:], corners[0]]

@@ -33,7 +33,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.models.collision.parts import Part
 from hpop.models.execution import Ramps
-from hpop.planners.graphs.timed.clock import SLACK, TickClock, TimeOptions
+from hpop.planners.graphs.timed.clock import SLACK, BlockedArcs, TickClock, TimeOptions
 from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.planners.graphs.timed.notice import MovingPeople
 from hpop.planners.graphs.timed.pieces import (
@@ -41,7 +41,9 @@ from hpop.planners.graphs.timed.pieces import (
     MotionPieces,
     PersonMotion,
     Place,
+    Separation,
     clear_distance,
+    of_rows,
     strips,
     to_parts,
     to_segments,
@@ -56,17 +58,6 @@ LEAVING = 5.0  # s after a start, within which the robot may leave a person's ma
 SOON = 1.0  # s after a start, within which a person may approach so that the robot may leave
 EARLY = 1e-3  # share of a piece after which its gap is compared with the gap at its beginning
 DOING = "edges blocked by moving people were computed"
-
-
-class Separation(NamedTuple):
-    """Distances (T,) that a robot needs from a person at some times; it is enough to have one of the two.
-
-    gap   m  between the surfaces
-    axis  m  from the robot's axis to the person's centre
-    """
-
-    gap: FloatArray
-    axis: FloatArray
 
 
 class Start(NamedTuple):
@@ -296,10 +287,10 @@ class Safety:
         if self._round:
             return hit
         own = np.flatnonzero(hit[some])
-        some, corners = some[own], _of_rows(corners, own)
+        some, corners = some[own], of_rows(corners, own)
         hit[some] = self._outline_gaps(pieces, some, corners, person, walk) < need.gap[some] - TOUCH
         some = np.flatnonzero(hit & pieces.stands)
-        ends = _of_rows(seen, some)
+        ends = of_rows(seen, some)
         hit[some] = self._outline_gaps(pieces, some, ends, person, walk) - stray < need.gap[some] - TOUCH
         return hit
 
@@ -332,10 +323,10 @@ class Safety:
         clear = distance - walk.stray >= near - TOUCH
         if not self._round:
             own = np.flatnonzero(~clear[some])
-            some, corners = some[own], _of_rows(corners, own)
+            some, corners = some[own], of_rows(corners, own)
             clear[some] = self._outline_gaps(pieces, some, corners, person, walk) >= touch.gap[some] - TOUCH
             some = np.flatnonzero(inside & pieces.stands)
-            ends = _of_rows(seen, some)
+            ends = of_rows(seen, some)
             clear[some] |= self._outline_gaps(pieces, some, ends, person, walk) >= touch.gap[some] - TOUCH
         if person in self.touched:
             clear |= self._parts_from(pieces, tick, person, touch)
@@ -394,32 +385,8 @@ class Safety:
         return wide
 
 
-def _of_rows(places: tuple[Place, ...], rows: IntArray) -> tuple[Place, ...]:
-    """Return the points with the given indices, for each of several arrays of points."""
-    return tuple((x[rows], y[rows]) for x, y in places)
-
-
 def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
     """Return the distances (T,), m, of a person's centre from a start; infinite while the person is not there."""
     x, y = (np.broadcast_to(column, seconds.shape) for column in person.at(seconds))
     is_there = np.broadcast_to(np.asarray(person.there(seconds)), seconds.shape) > 0
     return np.where(is_there, np.hypot(start.x - x, start.y - y), np.inf)
-
-
-class BlockedArcs(NamedTuple):
-    """Arcs that are blocked for departures at some ticks.
-
-    rows   (b,)  indices of the arcs, ascending
-    table  (b, H + 1)  True at the departure ticks at which each arc is blocked
-    """
-
-    rows: IntArray
-    table: BoolArray
-
-    @classmethod
-    def of(cls, rows: IntArray, ticks: IntArray, horizon: int) -> BlockedArcs:
-        """Build the table, for ticks 0 to ``horizon``, from pairs (N,) of an arc and a tick at which it is blocked."""
-        arcs, which = np.unique(rows, return_inverse=True)
-        table = np.zeros((arcs.size, horizon + 1), dtype=bool)
-        table[which, ticks] = True
-        return cls(arcs, table)
