@@ -30,7 +30,7 @@ from tests.models.serial_arm.arms import arm6
 POST = World.from_solids([Solid(Box((0.1, 0.1, 0.9)), pose_at((0.55, 0, 0.45)), "post")])
 PILLAR = hpop.World.from_polygons([shapely.box(2.4, 1.5, 2.8, 2.6)], extent=shapely.box(0, 0, 5, 4))
 ON_TOP = (0.0, 0.0, 0.45, 0.0, 0.0, 0.0)
-BASE = hpop.DifferentialDrive(radius=0.3, body_height=0.4, speeds=(0.4, 1.0))
+BASE = hpop.DifferentialDrive(radius=0.3, body_height=0.4, speeds=(0.4, 1.0), turn_rates=(0.5, 1.5))
 CARRIER = hpop.DifferentialDrive(radius=0.25, speeds=(0.3, 0.6, 1.0), turn_rates=(0.5, 1.5))
 HEAD = hpop.PanTilt(CARRIER, pan=(-1.5, 2.0), tilt=(-0.5, 0.3))
 ARM = arm6(velocity_scaling=(0.3, 0.5, 1.0))
@@ -85,7 +85,7 @@ class Oracle:
                 for v in (0.3, 0.6, 1.0)
             ]
         slower = {(ARM, "reach"): ("0.3", "0.5"), (MOBILE, "reach"): ("0.4",), (MOBILE, "run"): ("0.4",)}
-        slower |= {(HEAD, "turn"): ("0.5",)}
+        slower |= {(HEAD, "turn"): ("0.5",), (MOBILE, "spin"): ("0.5",)}
         return [
             [self.trajectory(k, a, b)] for k in (kind, *(f"{kind}_{s}" for s in slower.get((self.model, kind), ())))
         ]

@@ -89,7 +89,7 @@ planner: {lattice: {step: 1.0}}
 """
     (tmp_path / "room.yaml").write_text(text % "[0.4, 1.5]")
     asked = load_scenario(tmp_path / "room.yaml").problem
-    front = asked.solve(LATTICE)
+    front = asked.solve({"lattice": {"step": 1.0}})
     assert verify(asked, front) == []
     assert "each turn at one of 2 rates (turn_0.4, turn)" in front.certificate
     print_front(asked, front)
@@ -207,9 +207,11 @@ def test_a_tour_stands_at_its_stops_and_keeps_speeds_between_them() -> None:
 
 @dataclass(frozen=True)
 class Cart(PlanarModel):
-    """A base of its own with two speeds, as docs/speeds.md describes one."""
+    """A base of its own with two speeds and two turn rates, as docs/own_robot_reference.md describes one."""
 
     name: ClassVar[str] = "cart"
+    paces = ({"turn": "turn_0.3"}, {"turn": "turn"})
+    executed: ClassVar[Mapping[str, str]] = {"move": "run", "turn": "spin", "turn_0.3": "spin_0.3"}
     speed_classes: tuple[float, ...] = (0.4, 0.8)
 
     @property
@@ -218,7 +220,8 @@ class Cart(PlanarModel):
 
     @property
     def laws(self) -> Mapping[str, Law]:
-        turns = {"turn": Turn(1.0, 2.0, loss=0.0), "spin": Spin(1.0, 2.0)}
+        slow = {"turn_0.3": Turn(0.3, 2.0, 0.0, "turn_0.3"), "spin_0.3": Spin(0.3, 2.0, "spin_0.3")}
+        turns = {"turn": Turn(1.0, 2.0, loss=0.0), "spin": Spin(1.0, 2.0), **slow}
         return {**speed_laws(self.speed_classes, acceleration=0.5), **turns}
 
     @property
@@ -258,6 +261,7 @@ def test_a_head_on_a_base_with_speeds_keeps_them(base: PlanarModel) -> None:
     front = asked.solve({"lattice": {"step": 1.0}})
     assert verify(asked, front) == []
     assert len(speeds_of(front)) > 0
+    assert ("turn_0.3" in front.certificate) == bool(base.paces)
     assert speeds_of(front) <= set(base.speed_classes)
     assert all(each.execution().duration <= each.duration + 1e-9 for each in front.trajectories)
     assert robot.speed_classes == base.speed_classes
