@@ -30,6 +30,15 @@ def distinct(values: NDArray[N]) -> NDArray[N]:
     return unique
 
 
+def marked(mask: BoolArray) -> tuple[IntArray, ...]:
+    """Return the indices along each axis at which a mask is True, as `numpy.nonzero` does, but much faster if few are.
+
+    >>> [index.tolist() for index in marked(np.array([[False, True], [True, True]]))]
+    [[0, 1, 1], [1, 0, 1]]
+    """
+    return np.unravel_index(np.flatnonzero(mask), mask.shape)
+
+
 def frozen(array: NDArray[Any]) -> NDArray[Any]:
     """Return a read-only copy of an array."""
     copy = np.array(array)

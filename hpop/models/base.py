@@ -48,6 +48,7 @@ from hpop.models.rigid import (
 )
 from hpop.models.speeds import class_execution, doubtful_speeds, speed_faults
 from hpop.motions import MODEL_DEFAULTS, Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
+from hpop.motions.laws import follows
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -298,4 +299,4 @@ class PlanarModel(Model):
             [(field, getattr(self, field.name)) for field in fields(self)] if is_dataclass(self) else []
         )
         given = {field.name: value for field, value in own if not (value is None is field.default)}
-        return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}
+        return {self.name: {name: v.describe() if follows(v, Model) else v for name, v in given.items()}}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, Protocol, TypeGuard, cast, runtime_checkable
 
 import numpy as np
@@ -292,8 +293,19 @@ FieldOfView = tuple[Angle, Angle]
 
 def height_varies(model: Model) -> bool:
     """Return whether the camera's height depends on the state, as on an arm or a lift."""
+    declared = vars(type(model)).get("__dataclass_params__")
+    if declared is not None and declared.frozen:
+        with suppress(TypeError):  # a field that cannot be hashed
+            return _height_varies_on(model)
+    return _height_varies(model)
+
+
+def _height_varies(model: Model) -> bool:
     states = model.space.sample(np.random.default_rng(0), POSTURES)
     return bool(np.ptp(model.pose("camera", states).z + np.zeros(POSTURES)) > LEVEL)
+
+
+_height_varies_on = lru_cache(maxsize=64)(_height_varies)
 
 
 def camera_height(m: Motions) -> float:

@@ -6,7 +6,7 @@ A motion law says how one kind of motion, such as a straight move, leads from it
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol, TypeGuard, runtime_checkable
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Protocol, TypeGuard, runtime_checkable
 
 import numpy as np
 
@@ -180,11 +180,11 @@ def is_coupled(law: Law) -> TypeGuard[Coupled]:
     return follows(law, Coupled)
 
 
-def follows(law: Law, protocol: type) -> bool:
-    """Return whether a law follows a protocol; the answer is cached by class."""
-    found = _FOUND.get((type(law), protocol))
+def follows(value: Any, protocol: type) -> bool:
+    """Return whether a law or another value follows a protocol; the answer is cached by class."""
+    found = _FOUND.get((type(value), protocol))
     if found is None:
-        found = _FOUND[type(law), protocol] = isinstance(law, protocol)
+        found = _FOUND[type(value), protocol] = isinstance(value, protocol)
     return found
 
 

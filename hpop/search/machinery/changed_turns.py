@@ -9,6 +9,7 @@ import threading
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray, numbered
 from hpop.runtime.compiled import lean
@@ -73,15 +74,11 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     m = clock.call(separate_turns, *tables, start, heads, plain, new_dearest, alike)
     dearest = np.empty((order.size, graph.criteria), np.int64)
     dearest[is_new], dearest[~is_new] = new_dearest, groups.dearest[whole]
-    degrees = np.empty(n, np.int64)
-    degrees[kept], degrees[changed] = np.diff(groups.start)[nodes[kept]], np.diff(np.append(start[changed], m))
-    stays = np.zeros(before.nodes, np.bool_)
-    stays[nodes[kept]] = True
-    shift = np.repeat(graph.indptr[kept] - before.indptr[nodes[kept]], degrees[kept])
-    is_kept = np.repeat(nodes >= 0, degrees)
-    origin = np.empty(is_kept.size, np.int32)
-    origin[is_kept], origin[~is_kept] = groups.origin[np.repeat(stays, np.diff(groups.start))] + shift, plain[:m]
-    if graph.costs[origin, groups.column].any():  # whether such an arc is a turn may depend on other arcs
+    start[changed + 1] = np.append(start[changed[1:]], m)[: changed.size]
+    ends, (origin, joined) = np.zeros(n + 1, np.int64), np.empty((2, groups.origin.size + m), np.int32)
+    old, now = (groups.start, groups.origin, before.indptr), (graph.indptr, graph.heads, graph.costs, groups.column)
+    size = clock.call(join_plain_arcs, nodes, *old, start, plain, *now, ends, joined, origin)
+    if size < 0:
         return None
 
     turns = np.zeros((graph.criteria, 0), np.int64)
@@ -95,10 +92,8 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     if turns.size and not clock.call(no_dearer_than_two, rows[is_new], turns, alike, worst):
         return None
     turns = turns[:, :0].copy() if alike.all() else turns
-    numbers, ends = np.arange(n), np.append(0, np.cumsum(degrees))
-    return Groups(
-        groups.column, groups.step, numbers, numbers, rows, dearest, alike, turns, ends, graph.heads[origin], origin
-    )
+    numbers, arcs = np.arange(n), (joined[:size], origin[:size])
+    return Groups(groups.column, groups.step, numbers, numbers, rows, dearest, alike, turns, ends, *arcs)
 
 
 def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
@@ -129,10 +124,7 @@ def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, cloc
     nodes   (n,)  for each node of ``graph``, the node before the change with the same arcs, or -1 if its arcs changed
     """
     changed, group = np.flatnonzero(nodes < 0), np.full(graph.nodes, -1)
-    entered = np.zeros(graph.nodes, np.bool_)
-    entered[graph.heads] = True
-    entered[nodes >= 0] = False  # so that only turns of changed nodes are followed
-    tables = (graph.indptr, graph.heads, graph.costs, groups.column, entered)
+    tables = (graph.indptr, graph.heads, graph.costs, groups.column, nodes >= 0)  # follow turns of changed nodes only
     count, step, _ = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
     if count == 0 or step not in (0, groups.step):
         return None
@@ -179,6 +171,45 @@ def _written_turns(
     new[:, TURNS] += used
     rows[~is_new, TURNS], rows[is_new] = begins, new
     return table
+
+
+@lean
+def join_plain_arcs(
+    nodes: IntArray,
+    old_start: IntArray,
+    old_origin: NDArray[np.int32],
+    old_indptr: IntArray,
+    start: IntArray,
+    plain: NDArray[np.int32],
+    indptr: IntArray,
+    heads: NDArray[np.int32],
+    costs: IntArray,
+    column: int,
+    ends: IntArray,
+    joined: NDArray[np.int32],
+    origin: NDArray[np.int32],
+) -> int:
+    """Join the plain arcs of unchanged and changed nodes; return their number.
+
+    The result is -1 if an arc raises the cost of ``column``: then other arcs may decide whether it is a turn.
+
+    nodes (n,)                          node before the change, or -1, of each node, see :func:`take_over_groups`
+    old_start, old_origin, old_indptr   plain arcs and offsets of arcs before the change
+    start, plain                        the plain arcs of a changed node v are plain[start[v] : start[v + 1]]
+    indptr, heads, costs                arcs of the changed graph, see :class:`.Graph`
+    ends, joined, origin                output: the table ``start`` of :class:`.Groups`, 0 before the call, heads, arcs
+    """
+    m = 0
+    for v in range(len(nodes)):
+        u = nodes[v]
+        for i in range(old_start[u], old_start[u + 1]) if u >= 0 else range(start[v], start[v + 1]):
+            a = old_origin[i] + indptr[v] - old_indptr[u] if u >= 0 else np.int64(plain[i])
+            if costs[a, column] != 0:
+                return -1
+            origin[m], joined[m] = a, heads[a]
+            m += 1
+        ends[v + 1] = m
+    return m
 
 
 @lean

@@ -48,6 +48,7 @@ __all__ = ["GROUP_COLUMNS", "OFFSET", "SIZE", "TURNS", "Groups", "NoRoom"]
 
 MOST = 1024  # upper bound of the index cost of a turn
 CACHED = 2**26  # bytes: smaller tables are cached with the graph for its next query
+ENTERED = -2  # in `number_groups`, marks nodes that some arc enters
 NODE, ARC = 24, 8  # bytes that groups need for each node, also while they are searched, and for each plain arc
 
 
@@ -204,10 +205,8 @@ class Groups:
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         check_room(clock, graph.nodes * NODE + graph.bytes_to_copy)
         group = np.full(graph.nodes, -1)
-        entered = np.zeros(graph.nodes, np.bool_)
-        entered[graph.heads] = True
         raised = (graph.costs, column) if graph.has_costs else (graph.cost(column).astype(np.int64)[:, None], 0)
-        tables = (graph.indptr, graph.heads, *raised, entered)
+        tables = (graph.indptr, graph.heads, *raised, np.zeros(graph.nodes, np.bool_))
         count, step, turns = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
         if step == 0:
             return None
@@ -299,7 +298,7 @@ def number_groups(
     heads: NDArray[np.int32],
     costs: IntArray,
     index: int,
-    entered: NDArray[np.bool_],
+    skipped: NDArray[np.bool_],
     group: IntArray,
     size: IntArray,
     last_tail: IntArray,
@@ -311,13 +310,17 @@ def number_groups(
 
     indptr, heads, costs  arcs of the graph, see :class:`.Graph`
     index                 column of the cost that turns raise
-    entered               (n,)  True for nodes that some arc enters
+    skipped               (n,)  True for nodes whose turns are not followed; changed
     group                 (n,)  output, group of each node; -1 before the call
     size                  (n,)  scratch, number of nodes of each group; 0 before the call
     last_tail             (n,)  scratch; -1 before the call
     """
     count, turns = 0, 0
     step: Any = np.int64(0)
+    for a in range(len(heads)):
+        last_tail[heads[a]] = ENTERED
+    for u in range(len(group)):
+        skipped[u] = skipped[u] or last_tail[u] != ENTERED  # turns of nodes that no arc enters do not matter
     for u in range(len(group)):
         new = group[u] < 0
         if new:
@@ -325,7 +328,7 @@ def number_groups(
             size[count] = 1
             count += 1
         joined = 1
-        for a in range(indptr[u], indptr[u + 1] if entered[u] else indptr[u]):
+        for a in range(indptr[u], indptr[u] if skipped[u] else indptr[u + 1]):
             v = heads[a]
             if costs[a, index] == 0 or v == u or indptr[v] == indptr[v + 1]:
                 continue

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, Column, FloatArray, IntArray, marked
 from hpop.base.math import is_symbolic
 from hpop.base.symbols import lift
 from hpop.base.text import shown
@@ -312,7 +312,7 @@ class LazyField(Field):
             # A point takes the coefficients from one before its own to two after it.
             todo[max(i - 1, 0) : i + BLOCK + 2, max(j - 1, 0) : j + BLOCK + 2] = True
         todo &= ~done
-        rows, columns = np.nonzero(todo)
+        rows, columns = marked(todo)
         rows += first
         xs, ys = self.__dict__["_axes"]
         inside = whole[PAD:-PAD, PAD:-PAD]

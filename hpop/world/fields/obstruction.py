@@ -77,9 +77,9 @@ class RasterBalls:
         height, width = rows.stop - rows.start, columns.stop - columns.start
         cells = self._cells(rows, columns)
         product = self._transform * np.fft.rfft2(cells, (self._tile, self._tile))
-        whole = np.fft.irfft2(product, (self._tile, self._tile))
-        phi: FloatArray = whole[self._overlap : self._overlap + height, self._overlap : self._overlap + width]
-        return np.clip(np.where(np.abs(phi) < NOISE, 0.0, phi), 0.0, 1.0)
+        own_rows = np.fft.ifft(product, axis=0)[self._overlap : self._overlap + height]
+        phi: FloatArray = np.fft.irfft(own_rows, self._tile)[:, self._overlap : self._overlap + width]
+        return np.minimum(np.where(phi < NOISE, 0.0, phi), 1.0)
 
     def spans(self, rows: slice, columns: slice) -> list[tuple[int, int]]:
         """Return the range of rows and the range of columns of cells that the balls of a tile reach, end excluded.

@@ -17,7 +17,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
 from hpop.base.options import FARTHEST
 from hpop.errors import MapError
 from hpop.world import geometry
@@ -106,7 +106,7 @@ def border_edges(cells: BoolArray) -> IntArray:
     south_west, south_east, north_west, north_east = free[:-1, :-1], free[:-1, 1:], free[1:, :-1], free[1:, 1:]
     right, up = south_east != north_east, north_west != north_east  # borders that leave each vertex (H + 1, W + 1)
     corner = (right | (south_west != north_west)) & (up | (south_west != south_east))
-    y, x = np.nonzero(corner)
+    y, x = marked(corner)
     across = _runs(np.stack([x, y], axis=1), right[y, x], south_east[y, x])
     by_column = np.lexsort((y, x))
     y, x = y[by_column], x[by_column]
@@ -367,7 +367,7 @@ def changed_blocks(before: BoolArray, after: BoolArray) -> IntArray:
 
     A row of the result is first row, first column, last row + 1 and last column + 1.
     """
-    rows, columns = np.nonzero(before != after)
+    rows, columns = marked(before != after)
     if not rows.size:
         return np.zeros((0, 4), np.int64)
     blocks = (rows // BLOCK) * (after.shape[1] // BLOCK + 1) + columns // BLOCK

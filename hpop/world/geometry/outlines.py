@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
 from hpop.errors import MapError
 from hpop.runtime import limits
 
@@ -61,8 +61,8 @@ def outlined(cells: BoolArray) -> BaseGeometry:
     if count == 0:
         return MultiPolygon()
     limits.check("cells were outlined")
-    y, x = np.nonzero(corner)
-    turned_x, turned_y = np.nonzero(corner.T)
+    y, x = marked(corner)
+    turned_x, turned_y = marked(corner.T)
     across, upward = _borders(x, y, right), _borders(turned_x, turned_y, up)
     borders: NDArray[np.object_] = np.asarray(shapely.linestrings(np.concatenate([across, upward])))
     faces = shapely.get_parts(shapely.polygonize(borders))

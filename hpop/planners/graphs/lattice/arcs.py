@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
 from hpop.criteria.base import Criterion
 from hpop.motions import Motions, States
 from hpop.motions.states import LazyStates
@@ -198,7 +198,7 @@ def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: N
     sure = lattice.clear[lattice.cells]
 
     def blocked(part: slice) -> tuple[IntArray, ...]:
-        place, station, column = np.nonzero(free[part] & ~sure[part, None, None])
+        place, station, column = marked(free[part] & ~sure[part, None, None])
         tails, heads = ((place + part.start) * lattice.width + at for at in (station, to[station, column]))
         wrong = np.zeros(place.size, dtype=bool)
         kinds = of_kind[station, column]
@@ -230,7 +230,7 @@ def _turns_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArray:
     sure = lattice.clear[lattice.cells]
 
     def blocked(part: slice) -> tuple[IntArray, IntArray]:
-        place, heading = np.nonzero(sectors[part] & ~sure[part, None])
+        place, heading = marked(sectors[part] & ~sure[part, None])
         first = (place + part.start) * lattice.width
         tails, heads = (first + lattice.station_in[at] for at in (heading, onward[heading]))
         wrong = ~lattice.collision.motions_free(lattice.motions("turn", tails, heads))
@@ -282,7 +282,7 @@ def _each_turn_free(lattice: StateLattice, others: NDArray[np.int32]) -> BoolArr
     sure = lattice.clear[lattice.cells]
 
     def turns_checked(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
-        place, a, b = np.nonzero(possible[part] & ~sure[part, None, None])
+        place, a, b = marked(possible[part] & ~sure[part, None, None])
         tails, heads = (
             (place + part.start) * lattice.width + lattice.station_in[heading] for heading in (a, others[a, b])
         )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, copied
+from hpop.base.arrays import BoolArray, IntArray, copied, marked
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.motions import lacking
@@ -61,7 +61,7 @@ def update(before: StateLattice, after: World, criteria: Sequence[Criterion]) ->
     for criterion in criteria:
         name = lattice.cache_name(criterion)
         counts = None if name is None else before.cached_part(name)
-        affected = None if counts is None else _affected_arcs(criterion, lattice, before.world)
+        affected = None if counts is None else _affected_arcs(criterion, before, lattice)
         if counts is not None and affected is not None:
             changed |= affected
             column = counts.take(origin, mode="clip")  # new arcs get a wrong cost here, which is replaced below
@@ -112,14 +112,14 @@ def _near_changes(
     among          (rows, columns)  mask of the positions to test; None for all
     """
     near = np.ones(before.shape, dtype=np.bool_) if among is None else among.copy()
-    rows, columns = np.nonzero(near)
+    rows, columns = marked(near)
     near[rows, columns] = after.collision.differs(before.collision, *before.position(rows, columns), within)
     return near
 
 
 def _arcs_after_change(
     before: StateLattice, part: StateLattice, lattice: StateLattice, near: BoolArray
-) -> tuple[Arcs, Ids]:
+) -> tuple[Arcs, IntArray]:
     """Return the arcs of the lattice in the changed world, and the old index (m,) of each arc, -1 for a new one.
 
     Near the change, arcs are checked again; elsewhere the old arcs are used.
@@ -140,7 +140,7 @@ def _arcs_after_change(
         first[rows] = source.arcs.start[place[rows] * width]
     start = np.append(0, np.cumsum(degrees.ravel()))
     size = int(start[-1])
-    heads, kinds, origin = np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.int32)
+    heads, kinds, origin = np.empty(size, np.int32), np.empty(size, np.uint8), np.empty(size, np.int64)
     sources = [column for of in (before, part) for column in (of.arcs.heads, of.arcs.kinds, _new_ids(of, lattice))]
     splice(first, degrees.sum(axis=1), is_new, *sources, heads, kinds, origin)
     return Arcs(start, heads, kinds).frozen(), origin
@@ -188,31 +188,31 @@ def _recording(obstruction: Callable[..., Any], radii: set[float]) -> Callable[.
     return recorded
 
 
-def _affected_arcs(criterion: Criterion, lattice: StateLattice, before: World) -> BoolArray | None:
+def _affected_arcs(criterion: Criterion, before: StateLattice, lattice: StateLattice) -> BoolArray | None:
     """Return which arcs (m,) may have other costs by a criterion after the change; None if all arcs may.
 
     Costs can differ only if the criterion reads an attribute of the world that has changed. For criteria of hpop, a
     sample of arcs shows which attributes it reads. A user's criterion may read others on other arcs, so all of its
     costs may be affected.
     """
-    after = lattice.world
+    world, after = before.world, lattice.world
     if not type(criterion).__module__.startswith("hpop.") or lacking(criterion.requires, lattice.model, after):
         return None
     name = ("reads", lattice.cache_name(criterion))
-    read = replace(lattice, world=before).cached_part(name) if _same_content(before, after) else None
+    read = before.cached_part(name) if _same_content(world, after) else None
     if read is None:
         read = _attributes_read(criterion, lattice)
     if read is None:
         return None
     lattice.cache_part(name, read)
     reads, radii = set(read[0]), read[1]
-    if before.ground is after.ground:
+    if world.ground is after.ground:
         reads -= {"obstruction", "obstruction_field"}
-    if any(getattr(before, name) != getattr(after, name) for name in reads - {"obstruction"}):
+    if any(getattr(world, name) != getattr(after, name) for name in reads - {"obstruction"}):
         return None
     if "obstruction" not in reads:
         return np.zeros(lattice.arcs.heads.size, dtype=np.bool_)
-    return _seeing_change(lattice, before, max(radii))
+    return _seeing_change(lattice, world, max(radii))
 
 
 def _same_content(before: World, after: World) -> bool:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
 from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, OptionError
 from hpop.motions import States
@@ -200,7 +200,7 @@ class StateLattice(StateGraph):
         clear = np.zeros(self.shape, dtype=bool)
 
         def free(part: slice) -> tuple[IntArray, IntArray, BoolArray]:
-            rows, columns = np.nonzero(self._kept[part])
+            rows, columns = marked(self._kept[part])
             rows += part.start
             return rows, columns, self.collision.clear(*self.position(rows, columns))
 
@@ -230,7 +230,7 @@ class StateLattice(StateGraph):
         free = np.repeat(self.clear[:, :, None], self.station_in.size, axis=2)
 
         def at_some_yaw(part: slice) -> tuple[tuple[IntArray, ...], BoolArray]:
-            rows, columns, stance = np.nonzero(
+            rows, columns, stance = marked(
                 (~self.clear[part] & self._kept[part])[:, :, None] & np.ones_like(free[0, 0])
             )
             rows += part.start
@@ -245,7 +245,7 @@ class StateLattice(StateGraph):
     @cached_property
     def cells(self) -> tuple[IntArray, IntArray]:
         """Rows and columns (P,) of the positions at which the robot is free of collisions in at least one state."""
-        rows, columns = np.nonzero(self.free.any(axis=2))
+        rows, columns = marked(self.free.any(axis=2))
         return rows, columns
 
     @cached_property

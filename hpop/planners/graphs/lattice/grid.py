@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
 from hpop.base.options import one_of
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def steps_from(
     corner_cutting : whether a step may pass blocked cells
     """
     dx, dy = step
-    rows, columns = np.nonzero(free)
+    rows, columns = marked(free)
     to_rows, to_columns = rows + dy, columns + dx
     inside = (to_rows >= 0) & (to_rows < free.shape[0]) & (to_columns >= 0) & (to_columns < free.shape[1])
     rows, columns, to_rows, to_columns = (a[inside] for a in (rows, columns, to_rows, to_columns))

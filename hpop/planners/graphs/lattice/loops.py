@@ -140,7 +140,7 @@ def splice(
     new_number: NDArray[np.int32],
     out_heads: NDArray[np.int32],
     out_kinds: NDArray[np.uint8],
-    origin: NDArray[np.int32],
+    origin: IntArray,
 ) -> None:
     """Merge old and new arcs, position by position, into the arrays ``out_heads``, ``out_kinds`` and ``origin`` (m,).
 
