@@ -107,8 +107,19 @@ class Clock:
         with interrupts_held():
             if sum(x.nbytes for x in calls[0] if isinstance(x, np.ndarray)) < SMALL:
                 return [compiled(*arguments) for arguments in calls]
-            with ThreadPoolExecutor(min(len(calls), cpu_count() or 1)) as threads:  # kernels run without Python's lock
-                return list(threads.map(lambda arguments: compiled(*arguments), calls))
+            results, waiting = [None] * len(calls), iter(enumerate(calls))
+
+            def work() -> None:
+                for i, arguments in waiting:
+                    results[i] = compiled(*arguments)
+
+            helpers = min(len(calls), cpu_count() or 1) - 1  # beside this thread; kernels run without Python's lock
+            with ThreadPoolExecutor(max(1, helpers)) as threads:
+                working = [threads.submit(work) for _ in range(helpers)]
+                work()
+            for helper in working:
+                helper.result()
+            return results
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:
         """Return the limit that time, labels or memory (bytes) pass, or None; ``record`` the memory in the peak."""
