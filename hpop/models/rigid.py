@@ -296,7 +296,7 @@ def height_varies(model: Model) -> bool:
     declared = vars(type(model)).get("__dataclass_params__")
     if declared is not None and declared.frozen:
         with suppress(TypeError):  # a field that cannot be hashed
-            return _height_varies_on(model)
+            return _height_varies_on(cast(Any, model))
     return _height_varies(model)
 
 

@@ -22,6 +22,8 @@ from hpop.search.machinery.turn_costs import (
     SIZE,
     SLOTS,
     TURNS,
+    costs_of_plain_arcs,
+    index_costs,
     no_dearer_than_two,
     write_turn_costs,
 )
@@ -56,7 +58,8 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     The arguments are those of :func:`take_over_groups`, and the groups of the graph ``before`` the change.
     """
     clock, n = Clock(Budget(), None), graph.nodes
-    whole, new_sizes = _whole_groups(groups, nodes), _sizes_of_changed_groups(groups, graph, nodes, clock)
+    raised = index_costs(graph, groups.column)
+    whole, new_sizes = _whole_groups(groups, nodes), _sizes_of_changed_groups(groups, graph, nodes, raised, clock)
     if whole is None or new_sizes is None:
         return None
     kept, changed, old_sizes = np.flatnonzero(nodes >= 0), np.flatnonzero(nodes < 0), groups.rows[whole, SIZE]
@@ -67,17 +70,21 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     rows[:, OFFSET], rows[:, SIZE] = np.concatenate(first)[order], np.concatenate([old_sizes, new_sizes])[order]
 
     # Arcs of the changed nodes are separated into turns and plain arcs; the others keep their plain arcs.
-    tables = (graph.indptr, graph.heads, graph.costs, groups.column, np.arange(n), np.arange(n), rows[is_new])
-    most = int((graph.indptr[changed + 1] - graph.indptr[changed]).sum())
-    start, heads, plain = np.empty(n + 1, np.int64), np.empty(most, np.int32), np.empty(most, np.int32)
+    degrees = np.diff(graph.indptr)
+    arcs = np.flatnonzero(np.repeat(nodes < 0, degrees))
+    own = np.append(0, np.cumsum(np.where(nodes < 0, degrees, 0))), *graph.ends_and_costs(arcs)
+    for array in own:
+        array.setflags(write=False)  # as the arrays of a graph, for which kernels are compiled
+    tables = (*own, groups.column, np.arange(n), np.arange(n), rows[is_new])
+    start, heads, plain = np.empty(n + 1, np.int64), np.empty(arcs.size, np.int32), np.empty(arcs.size, np.int32)
     new_dearest, alike = np.zeros((new_sizes.size, graph.criteria), np.int64), np.ones(graph.criteria, np.bool_)
     m = clock.call(separate_turns, *tables, start, heads, plain, new_dearest, alike)
     dearest = np.empty((order.size, graph.criteria), np.int64)
     dearest[is_new], dearest[~is_new] = new_dearest, groups.dearest[whole]
     start[changed + 1] = np.append(start[changed[1:]], m)[: changed.size]
     ends, (origin, joined) = np.zeros(n + 1, np.int64), np.empty((2, groups.origin.size + m), np.int32)
-    old, now = (groups.start, groups.origin, before.indptr), (graph.indptr, graph.heads, graph.costs, groups.column)
-    size = clock.call(join_plain_arcs, nodes, *old, start, plain, *now, ends, joined, origin)
+    old, now = (groups.start, groups.origin, before.indptr), (graph.indptr, graph.heads, *raised)
+    size = clock.call(join_plain_arcs, nodes, *old, start, arcs[plain[:m]].astype(np.int32), *now, ends, joined, origin)
     if size < 0:
         return None
 
@@ -92,8 +99,9 @@ def _updated(groups: Groups, before: Graph, graph: Graph, nodes: IntArray) -> Gr
     if turns.size and not clock.call(no_dearer_than_two, rows[is_new], turns, alike, worst):
         return None
     turns = turns[:, :0].copy() if alike.all() else turns
-    numbers, arcs = np.arange(n), (joined[:size], origin[:size])
-    return Groups(groups.column, groups.step, numbers, numbers, rows, dearest, alike, turns, ends, *arcs)
+    numbers, (joined, origin) = np.arange(n), (joined[:size], origin[:size])
+    ends_and_costs = joined, origin, costs_of_plain_arcs(graph, origin)
+    return Groups(groups.column, groups.step, numbers, numbers, rows, dearest, alike, turns, ends, *ends_and_costs)
 
 
 def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
@@ -115,16 +123,19 @@ def _whole_groups(groups: Groups, nodes: IntArray) -> IntArray | None:
     return whole if together and np.array_equal(np.repeat((kept - old)[is_first], sizes), kept - old) else None
 
 
-def _sizes_of_changed_groups(groups: Groups, graph: Graph, nodes: IntArray, clock: Clock) -> IntArray | None:
+def _sizes_of_changed_groups(
+    groups: Groups, graph: Graph, nodes: IntArray, raised: tuple[IntArray, int], clock: Clock
+) -> IntArray | None:
     """Return the sizes of the groups that the changed nodes form, in order of their nodes.
 
     The result is None if their turns form no groups, or groups whose nodes are not consecutive numbers.
 
     groups  groups before the change
     nodes   (n,)  for each node of ``graph``, the node before the change with the same arcs, or -1 if its arcs changed
+    raised  table of index costs, see :func:`.index_costs`
     """
     changed, group = np.flatnonzero(nodes < 0), np.full(graph.nodes, -1)
-    tables = (graph.indptr, graph.heads, graph.costs, groups.column, nodes >= 0)  # follow turns of changed nodes only
+    tables = (graph.indptr, graph.heads, *raised, nodes >= 0)  # follow turns of changed nodes only
     count, step, _ = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
     if count == 0 or step not in (0, groups.step):
         return None

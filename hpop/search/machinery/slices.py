@@ -109,16 +109,15 @@ class Clock:
                 return [compiled(*arguments) for arguments in calls]
             results, waiting = [None] * len(calls), iter(enumerate(calls))
 
-            def work() -> None:
+            def work(_: int) -> None:  # kernels run without Python's lock
                 for i, arguments in waiting:
                     results[i] = compiled(*arguments)
 
-            helpers = min(len(calls), cpu_count() or 1) - 1  # beside this thread; kernels run without Python's lock
+            helpers = min(len(calls), cpu_count() or 1) - 1  # threads beside this one
             with ThreadPoolExecutor(max(1, helpers)) as threads:
-                working = [threads.submit(work) for _ in range(helpers)]
-                work()
-            for helper in working:
-                helper.result()
+                others = threads.map(work, range(helpers))
+                work(helpers)
+            list(others)  # raises what they raised
             return results
 
     def exceeded(self, labels: int, memory: int, *, record: bool = True) -> Status | None:

@@ -36,6 +36,20 @@ def check_room(clock: Clock, memory: int) -> None:
         raise NoRoom
 
 
+def index_costs(graph: Graph, column: int) -> tuple[IntArray, int]:
+    """Return a table with the index costs of all arcs in a column, and this column."""
+    return (graph.costs, column) if graph.has_costs else (graph.cost(column).astype(np.int64)[:, None], 0)
+
+
+def costs_of_plain_arcs(graph: Graph, origin: NDArray[np.int32]) -> IntArray | None:
+    """Return the costs (m, k) of plain arcs, given by their indices, of a graph without an array of all costs."""
+    if graph.has_costs:
+        return None
+    costs = graph.ends_and_costs(origin)[1]
+    costs.setflags(write=False)  # as the costs of a graph, for which kernels are compiled
+    return costs
+
+
 def parts_of_arcs(
     graph: Graph, nodes: IntArray, rows: IntArray
 ) -> Iterator[tuple[tuple[int, int], tuple[int, int], tuple[Any, ...]]]:

@@ -39,6 +39,8 @@ from hpop.search.machinery.turn_costs import (
     TURNS,
     NoRoom,
     check_room,
+    costs_of_plain_arcs,
+    index_costs,
     no_dearer_than_two,
     parts_of_arcs,
     shared_turns,
@@ -205,8 +207,7 @@ class Groups:
     def _computed(cls, graph: Graph, column: int, clock: Clock) -> Self | None:
         check_room(clock, graph.nodes * NODE + graph.bytes_to_copy)
         group = np.full(graph.nodes, -1)
-        raised = (graph.costs, column) if graph.has_costs else (graph.cost(column).astype(np.int64)[:, None], 0)
-        tables = (graph.indptr, graph.heads, *raised, np.zeros(graph.nodes, np.bool_))
+        tables = (graph.indptr, graph.heads, *index_costs(graph, column), np.zeros(graph.nodes, np.bool_))
         count, step, turns = clock.call(number_groups, *tables, group, np.zeros_like(group), group.copy())
         if step == 0:
             return None
@@ -264,11 +265,9 @@ class Groups:
                 (*part, *numbers, rows[first:last]) for (first, last), _, part in parts_of_arcs(graph, nodes, rows)
             )
             turns = shared_turns(graph.criteria, rows, parts, most, clock)
-        own_costs = None if graph.has_costs else graph.ends_and_costs(origin[:m])[1]
-        if own_costs is not None:
-            own_costs.setflags(write=False)  # as the costs of a graph, for which kernels are compiled
+        plain_costs = costs_of_plain_arcs(graph, origin[:m])
         return cls(
-            column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m], own_costs
+            column, step, nodes, new_number, rows, dearest, alike, turns, start, heads[:m], origin[:m], plain_costs
         )
 
 

@@ -245,7 +245,7 @@ class StateLattice(StateGraph):
     @cached_property
     def cells(self) -> tuple[IntArray, IntArray]:
         """Rows and columns (P,) of the positions at which the robot is free of collisions in at least one state."""
-        rows, columns = marked(self.free.any(axis=2))
+        rows, columns = marked(np.asarray(self.free.any(axis=2)))
         return rows, columns
 
     @cached_property
