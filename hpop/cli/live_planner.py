@@ -12,6 +12,7 @@ import json
 import os
 import sys
 import time
+import traceback
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from queue import PriorityQueue
@@ -107,9 +108,13 @@ def main(scenario: str, imports: Sequence[str]) -> None:
 
     say({"type": "ready"})
     Thread(target=read, daemon=True).start()
-    while (asked := waiting.get())[2]:
-        tell(asked[2], answers(planner, asked[2]), asked[3])
-        say({"type": "done", "id": asked[1]})
+    try:
+        while (asked := waiting.get())[2]:
+            tell(asked[2], answers(planner, asked[2]), asked[3])
+            say({"type": "done", "id": asked[1]})
+    except BaseException:
+        traceback.print_exc()
+        os._exit(1)  # without waiting for the thread that reads
 
 
 if __name__ == "__main__":

@@ -220,7 +220,7 @@ def nearest_to_push(ways: Ways, heading: float, is_open: Callable[[int], bool] =
 
     is_open  returns whether a way, given by its row, can still be taken; None is returned if none can
     """
-    gaps = push_gaps(ways, heading)
+    gaps = push_gaps(ways, heading) if ways.trajectories else []
     order = sorted(range(len(gaps)), key=lambda row: (gaps[row], row != ways.present))
     row = next(filter(is_open, order), None)
     if row is None:

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hpop.cli.live_planner import answers
+from hpop.live.cards import Ways, nearest_to_push
 from hpop.live.planner import LivePlanner
 from hpop.live.scene import scene_of
 from hpop.scenario import load_scenario
@@ -95,6 +96,34 @@ def test_the_plan_of_a_push_is_the_way_with_the_least_mean_angle(planner: LivePl
         pushed = of(planner.push(0.0, START, direction), "pushed")
         assert gaps[pushed["option"]] == pytest.approx(min(gaps), abs=1e-9)
         assert pushed["followed"] or pushed["option"] == present
+
+
+def test_a_push_takes_the_nearest_way_that_is_open_and_none_if_there_is_none(planner: LivePlanner) -> None:
+    list(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}))
+    assert planner.offer is not None
+    ways = planner.offer.ways
+    gaps = [brute(way, 0.7) for way in ways.trajectories]
+    nearest = nearest_to_push(ways, 0.7)
+    assert nearest is not None
+    open_ = {*range(len(gaps))} - {nearest.row}
+    pushed = nearest_to_push(ways, 0.7, open_.__contains__)
+    assert pushed is not None
+    assert gaps[pushed.row] == pytest.approx(min(gaps[row] for row in open_), abs=1e-9)
+    assert nearest_to_push(ways, 0.7, lambda row: False) is None
+    assert nearest_to_push(Ways((), ways.costs[:0], ways.front), 0.7) is None
+
+
+def test_a_push_beside_a_request_takes_the_way_that_it_would_take_after_it(planner: LivePlanner) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    assert list(planner.push_at_once(0.0, START, 1.5)) == []  # no drive yet: it waits
+    list(planner.take(0.0, START, options["cards"][0]["option"]))
+    list(planner.options(0.0, START))
+    assert planner.offer is not None
+    gaps = [brute(way, START[2] + 1.5) for way in planner.offer.ways.trajectories]
+    told = list(planner.push_at_once(0.1, START, 1.5))
+    assert [message["type"] for message in told] == ["pushed", "plan", "taken"]
+    assert gaps[told[0]["option"]] == pytest.approx(min(gaps), abs=1e-9)
+    assert list(planner.push_at_once(0.2, START, 0.0)) == []  # the ways of the new plan are not known yet
 
 
 def test_a_way_that_is_chosen_late_is_taken_where_it_can_still_be_reached(planner: LivePlanner) -> None:
