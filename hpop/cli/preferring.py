@@ -22,7 +22,7 @@ from hpop.errors import OutputError, StudyError
 
 if TYPE_CHECKING:
     from hpop.cli.picking import Difference
-    from hpop.preference import Preference
+    from hpop.preference import FitCheck, Preference
     from hpop.problems.front import Front
     from hpop.problems.problem import Problem
 
@@ -38,13 +38,19 @@ MOST_PORT = 65_535
 class Asking:
     """Series of questions to one person about the trajectories of a front; each answer is saved at once.
 
-    most  the largest number of questions
-    why   reason why no more questions are asked; "" while they go on
-    pair  rows of the two trajectories of the current question; None after the last
+    most    the largest number of questions
+    tested  True to test afterwards whether a weighted sum fits the person, by some more questions
+    check   that test; None until it begins
+    why     reason why no more questions are asked; "" while they go on
+    pair    rows of the two trajectories of the current question; None after the last
     """
 
-    def __init__(self, person: Preference, problem: Problem, front: Front, file: Path, most: int) -> None:
+    def __init__(
+        self, person: Preference, problem: Problem, front: Front, file: Path, most: int, tested: bool = False
+    ) -> None:
         self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
+        self.tested = tested
+        self.check: FitCheck | None = None
         self.why = self._why()
         self.pair = self._next()
 
@@ -70,10 +76,12 @@ class Asking:
             self.pair, self.why = None, "as asked"
             return
         a, b = self.pair
-        person = self.person.told(a, b, {"a": a, "b": b, "tie": None}[word])
+        chosen = {"a": a, "b": b, "tie": None}[word]
+        check = None if self.check is None else self.check.told(a, b, chosen)
+        person = self.person.told(a, b, chosen)
         with results.output_errors(f"cannot write {self.file}", "choose another --out"):
             person.save(self.file)
-        self.person = person  # only after it is saved
+        self.person, self.check = person, check  # only after it is saved
         self.why = self._why()
         self.pair = self._next()
 
@@ -97,17 +105,21 @@ class Asking:
         """Return the result in words: the person's best trajectory, or a warning that no preference can be seen."""
         best = self.person.best()
         said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
-        return [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
+        words = [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
+        return words if self.check is None else [*words, self.check.words()]
 
     def _why(self) -> str:
         return self.person.why_stop(self.most)
 
     def _next(self) -> tuple[int, int] | None:
-        if self.why:
-            return None
-        pair = self.person.next_pair()
-        self.why = "" if pair else "all trajectories that differ noticeably were compared"
-        return pair
+        if not self.why:
+            pair = self.person.next_pair()
+            self.why = "" if pair else "all trajectories that differ noticeably were compared"
+            if pair:
+                return pair
+        if self.tested and self.check is None and self.person.answers:
+            self.check = hpop.study.FitCheck.of(self.person)
+        return None if self.check is None else self.check.next_pair()
 
 
 @click.command()
@@ -125,6 +137,7 @@ class Asking:
     metavar="N",
     help="Random seed, which decides which trajectory is a and which b. [any]",
 )
+@click.option("--check", is_flag=True, help="Test with 6 more questions whether a weighted sum fits the person.")
 @click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine only.")
 @click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Port of the page. [any]")
 @imports_option
@@ -135,6 +148,7 @@ def prefer(
     question: str,
     most: int,
     seed: int | None,
+    check: bool,
     web: bool,
     port: int,
     imports: tuple[str, ...],
@@ -142,15 +156,15 @@ def prefer(
     """Ask a person to choose between pairs of trajectories.
 
     FOLDER holds the front that `hpop plan` wrote. Each question is the most informative one. Asking ends when the best
-    trajectory is known, after --most questions, or with "stop". After Ctrl-C the answers are kept, and the same command
-    continues. The answers and the inferred weights of costs are written to a file, for `hpop show --preference` and
-    `choose` in a scenario.
+    trajectory is known, after --most questions, or with "stop"; --check adds six questions. After Ctrl-C the answers
+    are kept, and the same command continues. The answers and the inferred weights of costs are written to a file, for
+    `hpop show --preference` and `choose` in a scenario.
     """
     cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
     file = path.with_name(FILE) if out is None else out
-    asking = Asking(_person(front, file, question, seed), problem, front, file, most)
+    asking = Asking(_person(front, file, question, seed), problem, front, file, most, check)
     try:
         if web and not asking.is_over:
             cli.serving.serve(asking, port, echo)
@@ -161,6 +175,8 @@ def prefer(
             if asking.why:
                 echo(f"no more questions: {asking.why}")
             cli.picking.print_preference(asking.person, front)
+            if asking.check is not None:
+                echo(asking.check.words())
             shell = f"hpop show {argument(folder)} --web --preference {argument(file)}"
             echo(f"written: {file}; `{shell}` marks the best one on a page")
 

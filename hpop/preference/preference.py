@@ -207,7 +207,7 @@ class Preference:
         """
         front = self._points() if front is None else front
         row = self.row(front)
-        probability, regrets = best_probability_and_regret(self.scale.rows_on(front), self._equal_draws(JUDGING))
+        probability, regrets = best_probability_and_regret(self.scale.rows_on(front), self.equal_draws(JUDGING))
         near = np.flatnonzero(regrets <= regrets[row] + NEAR)
         order = near[np.argsort(regrets[near], kind="stable")].tolist()
         rest = tuple(other for other in order if other != row)
@@ -237,7 +237,7 @@ class Preference:
         costs = self.scale.costs_on(front)
         asked = [(a.first, a.second) for a in self.answers if self._is_about(a, costs)]
         rng = np.random.default_rng([self.seed, 2, len(self.answers)])
-        return most_informative_pair(self.scale.scaled(costs), self._equal_draws(ASKING), asked, rng, ties=self.ties)
+        return most_informative_pair(self.scale.scaled(costs), self.equal_draws(ASKING), asked, rng, ties=self.ties)
 
     def why_stop(self, most: int = QUESTIONS) -> str:
         """Return the reason why no more questions are needed, as text; "" if another question is worth asking.
@@ -250,7 +250,7 @@ class Preference:
             return ""
         front = self._points()
         probability, regret = row_probability_and_regret(
-            self.scale.rows_on(front), self._equal_draws(ASKING), self.row(front)
+            self.scale.rows_on(front), self.equal_draws(ASKING), self.row(front)
         )
         if probability > SURE:
             return f"the best one is known with a probability of {probability:.2f}"
@@ -286,7 +286,7 @@ class Preference:
 
     def _stored(self) -> storage.Stored:
         """Return the content of the preference's file."""
-        draws = self._equal_draws(storage.DRAWS)
+        draws = self.equal_draws(storage.DRAWS)
         return storage.Stored(
             self.scale, self.question, self.answers, self.prior, self.ties, self.seed, self.front,
             draws.shares, draws.sharpness, draws.ties,
@@ -304,7 +304,7 @@ class Preference:
             probability = self.draws.probability()
         return np.asarray(probability @ self.draws.shares / probability.sum())
 
-    def _equal_draws(self, count: int) -> Draws:
+    def equal_draws(self, count: int = JUDGING) -> Draws:
         """Return ``count`` equally weighted draws of the posterior of the person's weights."""
         return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 

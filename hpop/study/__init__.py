@@ -8,6 +8,7 @@ from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:
     from hpop.preference import Best as Best
+    from hpop.preference import FitCheck as FitCheck
     from hpop.preference import People as People
     from hpop.preference import Preference as Preference
     from hpop.preference import Prior as Prior

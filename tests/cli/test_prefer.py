@@ -80,6 +80,15 @@ def test_who_cannot_go_on_is_told_before_the_first_question(folder: Path, run: R
 
 
 @pytest.mark.usefixtures("without_pictures")
+def test_a_test_of_the_fit_asks_six_more_questions_and_its_result_is_printed(folder: Path, run: Run) -> None:
+    result = run("prefer", folder, "--seed", "1", "--most", "2", "--check", typed="a\n" * 20)
+    assert result.exit_code == 0, result.output
+    assert result.output.count("Which of the two do you prefer?") == 2 + 6
+    assert "6 questions of the test" in result.output
+    assert len(Preference.load(folder / "preference.json").answers) == 2 + 6
+
+
+@pytest.mark.usefixtures("without_pictures")
 def test_who_answers_at_random_and_a_front_of_one_are_told(folder: Path, run: Run) -> None:
     apart = [(0, 59), (5, 50), (10, 40), (20, 55), (3, 30), (15, 45)]
     person = Preference.fit(seeded(60)[1], [pair for a, b in apart for pair in ((a, b), (b, a))], ties=True)

@@ -1,0 +1,138 @@
+"""The test of whether a weighted sum describes a person: its second model, its questions, and how often it is right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.special import expit
+
+from hpop.base.arrays import FloatArray
+from hpop.errors import StudyError
+from hpop.frontier import ItemFront
+from hpop.preference import FitCheck, Preference, Prior
+from hpop.preference.fit_check import CHECKS, laplace
+from tests import preferring as people
+
+Answer = Callable[[int, int], int]
+
+
+def after_a_test(person: Preference, answer: Answer, questions: int = 12) -> FitCheck:
+    """Ask questions and then those of the test."""
+    for _ in range(questions):
+        a, b = person.next_pair() or pytest.fail("a pair")
+        person = person.told(a, b, answer(a, b))
+    check = FitCheck.of(person)
+    while pair := check.next_pair():
+        check = check.told(*pair, answer(*pair))
+    return check
+
+
+def certain(loss: FloatArray) -> Answer:
+    """Answers without errors: the row of the smaller loss."""
+    return lambda a, b: a if loss[a] <= loss[b] else b
+
+
+def concave(seed: int) -> ItemFront[int]:
+    """Front of 100 rows of which a weighted sum of costs can choose only those near its corners."""
+    away = np.abs(np.random.default_rng(seed).normal(size=(100, 3)))
+    return ItemFront.of(away / np.linalg.norm(away, axis=1)[:, None], names=["a", "b", "c"], quanta=[1e-9] * 3)
+
+
+def test_the_evidence_of_the_second_model_is_that_of_integration():
+    """Monte Carlo over 400,000 draws of two differences of values; Laplace's error is below a tenth here."""
+    covariance = np.array([[1.5, 0.6], [0.6, 1.0]])
+    draws = np.random.default_rng(0).multivariate_normal(np.zeros(2), covariance, 400_000)
+    chances = (0.01 + 0.98 * expit(draws)).prod(axis=1)
+    assert laplace(covariance).evidence == pytest.approx(np.log(chances.mean()), abs=0.1)
+    expected = (draws * chances[:, None]).mean(axis=0) / chances.mean()
+    assert covariance @ laplace(covariance).slopes == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_person_with_a_weighted_sum_passes(seed):
+    front = people.front(100, seed=seed)
+    person = Preference.fit(front, seed=seed)
+    loss = person.scale.rows_on(front) @ np.random.default_rng(seed).dirichlet(np.ones(3))
+    check = after_a_test(person, certain(loss))
+    assert check.fits
+    assert check.best == check.preference.best().row
+    assert "fits the answers" in check.words()
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_person_who_wants_the_middle_is_found_and_offered_a_better_row(seed):
+    front = concave(seed)
+    person = Preference.fit(front, seed=seed)
+    loss = np.abs(person.scale.rows_on(front) - 0.6).sum(axis=1)
+    check = after_a_test(person, certain(loss))
+    assert not check.fits
+    assert "Do not rely on the weights" in check.words()
+    assert loss[check.best] < loss[check.row]
+
+
+def test_each_question_compares_the_best_row_with_another_challenger():
+    front = people.front(100)
+    person = Preference.fit(front).told(0, 1, 0)
+    check = FitCheck.of(person)
+    challengers = set()
+    while pair := check.next_pair():
+        assert check.row == person.best().row
+        assert check.row in pair
+        challengers.add(sum(pair) - check.row)
+        check = check.told(*pair, None)
+    assert len(challengers) == CHECKS
+    assert check.lost == CHECKS / 2  # no difference counts as half
+
+
+def test_a_threshold_is_suggested_to_a_person_who_cares_only_above_it():
+    front = people.front(100, seed=1)
+    person = Preference.fit(front, seed=1)
+    rows = person.scale.rows_on(front)
+    check = after_a_test(person, certain(np.maximum(rows[:, 1] - 0.5, 0.0) + 0.3 * rows[:, 0]), questions=25)
+    assert any(list(features) == ["turns"] for features, _ in check.suggestions())
+
+
+def test_a_test_needs_answers_and_its_own_row():
+    person = Preference.fit(people.front(30))
+    with pytest.raises(StudyError, match="needs a preference with a front and with answers"):
+        FitCheck.of(person)
+    check = FitCheck.of(person.told(0, 1, 0))
+    a, b = [row for row in range(30) if row != check.row][:2]
+    with pytest.raises(StudyError, match=f"must show row {check.row}, got rows {a} and {b}"):
+        check.told(a, b, a)
+
+
+@pytest.mark.proof
+def test_four_of_five_people_with_regrets_are_found_at_one_false_alarm_in_twenty():
+    """People err as the model says. Bounds leave room for chance: 200 people who fit, some 60 who do not."""
+    front = people.front(158)
+    alarms, found = [], []
+    for seed in range(200):
+        rng = np.random.default_rng([seed, 8])
+        shares, sharpness, _ = Prior(random=0.0).draw(3, 1, rng)
+        person = Preference.fit(front, seed=seed)
+        rows = person.scale.rows_on(front)
+        alarms.append(not after_a_test(person, erring(rng, rows @ shares[0], sharpness[0])).fits)
+        if seed % 2:
+            continue
+        weights, wanted = rng.dirichlet(np.ones(3)), rng.uniform(0.3, 0.7, 3)
+        bent = [np.abs(rows - wanted), np.maximum(rows - wanted, 0.0), expit(20.0 * (rows - wanted))][seed // 2 % 3]
+        loss = bent @ weights
+        loss /= np.ptp(loss)
+        check = after_a_test(person, erring(rng, loss, sharpness[0]))
+        if loss[check.row] - loss.min() > 0.1:
+            found.append(not check.fits)
+    assert sum(alarms) <= 17  # at 5 %: more by chance once in 100 times
+    assert len(found) >= 30
+    assert np.mean(found) >= 0.8
+
+
+def erring(rng: np.random.Generator, loss: FloatArray, sharpness: float) -> Answer:
+    """Answers with the errors of the model."""
+
+    def answer(a: int, b: int) -> int:
+        return a if rng.random() < 0.01 + 0.98 * expit(sharpness * (loss[b] - loss[a])) else b
+
+    return answer
