@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import signal
 import sys
 from collections.abc import Callable, Generator, Iterator
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import pytest
 from _pytest.doctest import DoctestModule
@@ -40,6 +43,27 @@ def pytest_configure() -> None:
     """Let Ctrl-C interrupt also where a script runs the tests as a job: shells let jobs ignore it."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each process whole files; one has all files that use a browser or `warm`, which take seconds to start."""
+    from xdist.scheduler import LoadFileScheduling  # here: tests run without xdist, too
+
+    class Scheduling(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return group_of(nodeid.split("::")[0])
+
+    return Scheduling(config, log)
+
+
+@cache
+def group_of(file: str) -> str:
+    """Return the group of a file of tests, all of which one process runs: "browser", "warm" or the file alone."""
+    path = Path(__file__).parents[1] / file
+    if path.parent.name == "browser":
+        return "browser"
+    return "warm" if path.is_file() and re.search(r"\bwarm\.(run|start)\(", path.read_text()) else file
 
 
 @pytest.fixture(scope="session")
