@@ -47,7 +47,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
@@ -97,7 +96,7 @@ from hpop.world import MeasuredField, World, read_field
 from hpop.world.content.content import Content, Landmark, Zone
 from hpop.world.content.predictions import bounded
 from hpop.world.geometry.outlines import check_joinable
-from hpop.world.geometry.shapes import check_coordinates
+from hpop.world.geometry.shapes import Obstacle, check_coordinates, check_heights
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers import geojson_content
 from hpop.world.readers.readers import read_world
@@ -378,7 +377,10 @@ def _bare_world(section: WorldSection, folder: Path, solids: list[Solid]) -> Wor
     extent = None if given.extent is None else shapely.Polygon(given.extent)
     if isinstance(given, Solids):
         return World.from_solids(solids, extent=extent)
-    prisms = [(shapely.Polygon(p.corners), p.height or (-math.inf, math.inf)) for p in given.obstacles]
+    prisms = [
+        Obstacle(shapely.Polygon(p.corners), *check_heights(p.height or (None, None)), contrast=p.contrast)
+        for p in given.obstacles
+    ]
     closed = [shapely.Polygon(corners) for corners in given.keep_out]
     for polygon in closed:
         check_coordinates(polygon, "keep_out")

@@ -174,6 +174,7 @@ class PrismEntry(_Strict):
 
     corners: list[Point] = Field(min_length=3)  # m, [x, y] each
     height: Heights | None = None  # m, [z_min, z_max]; unlimited by default
+    contrast: float = Field(default=1.0, ge=0, le=1)  # of its surface, a weight in optic_flow
 
 
 class Polygons(_Strict):

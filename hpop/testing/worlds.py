@@ -19,7 +19,7 @@ from hpop.models.driven import states_after
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.laws import CLOCK
 from hpop.testing.contracts import Check, differ, fault_of
-from hpop.world import Ground, MeasuredField, Obstacle, World, pose_at
+from hpop.world import Ground, MeasuredField, World, pose_at
 from hpop.world.content.content import Landmark, Zone
 from hpop.world.content.futures import Future
 from hpop.world.content.people import Person
@@ -86,7 +86,7 @@ def reframed(world: World) -> World:
         return {"x": float(x), "y": float(y), facing: None if angle is None else angle + FRAME[2]}
 
     content = world.content
-    prisms = [Obstacle(place(prism.polygon), *prism.heights) for prism in world.obstacles if prism.solid is None]
+    prisms = [replace(prism, polygon=place(prism.polygon)) for prism in world.obstacles if prism.solid is None]
     frame = pose_at((*FRAME[:2], 0.0), rpy=(0.0, 0.0, FRAME[2]))
     solids = [replace(solid, pose=frame @ solid.pose) for solid in world.ground.solids]
     fields = [replace(each, origin=(*in_frame(*each.origin[:2]), each.origin[2] + FRAME[2])) for each in world.fields]

@@ -318,7 +318,8 @@ def _from_geometry(data: Mapping[str, Any]) -> World:
     from hpop.world.world import World  # a world is one of these files and descriptions
 
     prisms = tuple(
-        Obstacle(_polygons(o["polygon"]), *_range(o["z"]), name=str(o.get("name", ""))) for o in data["obstacles"]
+        Obstacle(_polygons(o["polygon"]), *_range(o["z"]), name=str(o.get("name", "")), contrast=o.get("contrast", 1.0))
+        for o in data["obstacles"]
     )
     raster = data["raster"]
     ground = Ground(
@@ -334,7 +335,9 @@ def _from_geometry(data: Mapping[str, Any]) -> World:
 
 
 def _prism(prism: Obstacle) -> dict[str, Any]:
-    called = {"name": prism.name} if prism.name else {}
+    called: dict[str, Any] = {"name": prism.name} if prism.name else {}
+    if prism.contrast != 1.0:
+        called["contrast"] = prism.contrast
     return {"polygon": _geometry(prism.polygon), "z": _heights(prism.heights), **called}
 
 

@@ -122,12 +122,12 @@ class World(FromCells, FromFiles):
     @classmethod
     def from_polygons(
         cls,
-        obstacles: Iterable[BaseGeometry | tuple[BaseGeometry, Heights]],
+        obstacles: Iterable[BaseGeometry | tuple[BaseGeometry, Heights] | Obstacle],
         *,
         extent: BaseGeometry | None = None,
         keep_out: BaseGeometry | None = None,
     ) -> World:
-        """Build a world from shapely polygons, each alone or as (polygon, (z_min, z_max)), in metres.
+        """Build a world from shapely polygons, each alone, as (polygon, (z_min, z_max)), m, or as an `Obstacle`.
 
         By default the extent is the bounding box of the obstacles. ``keep_out`` is closed to the robot, but does not
         obstruct the camera.

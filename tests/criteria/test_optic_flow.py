@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numpy as np
@@ -11,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.criteria import Clearance, OpticFlow, PassingDistance, PeakOpticFlow, motion_costs, trajectory_cost
-from hpop.errors import CriterionError
+from hpop.errors import CriterionError, MapError
 from hpop.models import DifferentialDrive, ViewModel
 from hpop.motions import Motions, States
 from hpop.trajectories.trajectory import Trajectory
-from hpop.world import World
+from hpop.world import Obstacle, World
 
 WALLS = [shapely.box(-90, 1, 90, 2), shapely.box(-90, -2, 90, -1)]
 CORRIDOR = World.from_polygons(WALLS, extent=shapely.box(-10, -2, 10, 2))
@@ -195,3 +196,41 @@ def test_parameters_are_checked_for_passing_distance(enough, band):
 def test_its_group_unit_and_aggregate():
     kind = PassingDistance
     assert (kind.group, kind.unit, kind.aggregate) == ("C", "m", "max")
+
+
+@pytest.mark.parametrize("contrast", [0.0, 0.4, 1.0])
+def test_a_surface_of_low_contrast_flows_less_in_proportion(contrast):
+    """One wall has contrast c, the other 1, both at the distance w: half of the flow is weighted by c."""
+    walls = [Obstacle(shapely.box(-20, 1, 20, 2), contrast=contrast), shapely.box(-20, -2, 20, -1)]
+    world = World.from_polygons(walls, extent=shapely.box(-20, -2, 20, 2))
+    path = Trajectory.from_poses(DifferentialDrive(), [(-2, 0, 0), (2, 0, 0)])
+    flow = OpticFlow(bearings=36)
+    assert trajectory_cost(flow, path, world) == pytest.approx(4.0 * 0.5 * (1 + contrast) / 2, rel=0.02)
+    turn = Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (0, 0, 1.0)])
+    assert trajectory_cost(flow, turn, world) == pytest.approx((1 + contrast) / 2, rel=0.06)
+
+
+def test_full_contrast_changes_no_bit_and_a_map_keeps_its_contrasts(tmp_path):
+    boxes = [shapely.box(1, 1, 2, 3), shapely.box(4, 0, 4.5, 2)]
+    plain, full, faint = (
+        World.from_polygons([Obstacle(box, contrast=c) for box in boxes], extent=shapely.box(0, 0, 6, 4))
+        for c in (1.0, 1, 0.3)
+    )
+    path = Trajectory.from_poses(DifferentialDrive(), [(0.5, 0.5, 0), (3, 3.3, 1), (5.5, 3, 0)])
+    costs = [
+        trajectory_cost(OpticFlow(), path, world)
+        for world in (World.from_polygons(boxes, extent=plain.extent), plain, full)
+    ]
+    assert costs[0] == costs[1] == costs[2]
+    assert trajectory_cost(OpticFlow(), path, faint) < 0.8 * costs[0]
+    again = World.from_description(faint.describe())
+    assert [obstacle.contrast for obstacle in again.obstacles] == [0.3, 0.3]
+    feature = {"type": "Feature", "geometry": shapely.geometry.mapping(boxes[0])}
+    for value in (0.3, 2):
+        document = {"type": "FeatureCollection", "features": [{**feature, "properties": {"contrast": value}}]}
+        (tmp_path / "map.geojson").write_text(json.dumps(document))
+        if value == 0.3:
+            assert World.from_geojson(tmp_path / "map.geojson").obstacles[0].contrast == 0.3
+        else:
+            with pytest.raises(MapError, match="the contrast of an obstacle must be a number"):
+                World.from_geojson(tmp_path / "map.geojson")

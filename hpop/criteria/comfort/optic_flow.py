@@ -16,7 +16,7 @@ from hpop.errors import CriterionError
 from hpop.models.rigid import FieldOfView, camera_height, field_of_view, height_varies, view_angles
 from hpop.motions import Instants, Motions, Rate
 from hpop.world.geometry.rays_in_space import Surfaces, over_sphere, rows, surfaces_of
-from hpop.world.sight.bearings import ALL_ROUND, MARGIN, REACH, ViewAngles, as_seen, bearings
+from hpop.world.sight.bearings import ALL_ROUND, MARGIN, REACH, ViewAngles, as_seen, bearings, is_faint
 
 
 def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
@@ -104,6 +104,10 @@ class OpticFlow(_Flow):
     tilt. |flow| is the length of both components. Among obstacles the cost of a move is within 3 % of that of exact
     rays, and 0.3 to 0.6 % too large on average (`hpop.world.sight.bearings`).
 
+    Obstacles may have a ``contrast`` c(β), 0 to 1, in the map: the mean is then over c(β) |flow(β)|, also in turns.
+    High contrast near the camera is worse (LaValle, Virtual Reality, section 4.6.3). For a camera whose height changes,
+    and in :class:`PeakOpticFlow`, all contrasts count as 1.
+
     The mean is over the bearings within the model's ``field_of_view`` (h/2 to either side of the camera's yaw), each
     weighted by the part of its sector that is in view. It is over all bearings if the model has no field of view. If
     the model has a ``restrictor``, h and v change with the camera's speed and angular speed.
@@ -116,7 +120,7 @@ class OpticFlow(_Flow):
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the flow (M,), rad."""
-        if self._turns_alone(m):
+        if self._turns_alone(m) and not is_faint(m.world.ground):
             return m.camera.turned
         return m.integrate(self._rate(m, largest=False))
 

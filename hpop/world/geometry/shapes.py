@@ -146,6 +146,7 @@ class Obstacle:
     z_min, z_max  float             m   -inf and inf: unlimited height
     solid         Solid or None     the solid that this prism encloses; None if the obstacle is itself a prism
     name          str               shown in messages
+    contrast      float             0 (a surface without any pattern) to 1; weight of its optic flow
     """
 
     polygon: Polygon
@@ -153,9 +154,12 @@ class Obstacle:
     z_max: float = math.inf
     solid: Solid | None = None
     name: str = ""
+    contrast: float = 1.0
 
     def __post_init__(self) -> None:
-        """Check the outline and the heights."""
+        """Check the outline, the heights and the contrast."""
+        contrast = float(real("the contrast of an obstacle", self.contrast, 0, 1, "a number", error=MapError))
+        object.__setattr__(self, "contrast", contrast)
         if not isinstance(self.polygon, Polygon) or self.polygon.is_empty:
             raise MapError(f"an obstacle must be a shapely Polygon with an area; got {shown(self.polygon)}.")
         if not isinstance(self.solid, Solid | None):
@@ -183,7 +187,7 @@ class Obstacle:
 def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
     """Return prisms from shapely polygons, each alone or as (polygon, (z_min, z_max)), m; MapError otherwise.
 
-    Each part of a MultiPolygon becomes a prism of its own.
+    Each part of a MultiPolygon becomes a prism of its own. An `Obstacle` is returned as it is.
     """
     if not isinstance(obstacles, Iterable) or (isinstance(obstacles, np.ndarray) and not obstacles.ndim):
         raise MapError(
@@ -191,6 +195,9 @@ def prisms_of(obstacles: Any) -> tuple[Obstacle, ...]:
         )
     prisms = list[Obstacle]()
     for item in obstacles:
+        if isinstance(item, Obstacle):
+            prisms.append(item)
+            continue
         shape, heights = item if isinstance(item, tuple) and len(item) == 2 else (item, (None, None))
         if not isinstance(shape, Polygon | MultiPolygon):
             raise MapError(

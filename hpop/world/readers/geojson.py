@@ -99,8 +99,9 @@ def read(
 
     An obstacle's property ``height`` is its height above the floor, m, also as text ("3", "12 ft"), or a pair [z_min,
     z_max]; ``min_height`` is its lower end, and ``est_height`` stands for a missing height. Without a readable height
-    above 0 it is unlimited. ``world.notes`` tell what was left out or mended, such as features without geometry and
-    self-crossing or open outlines; how degrees became metres; and which rooms touch, so that they are one.
+    above 0 it is unlimited. Its property ``contrast``, 0 to 1, weights its optic flow. ``world.notes`` tell what was
+    left out or mended, such as features without geometry and self-crossing or open outlines; how degrees became metres;
+    and which rooms touch, so that they are one.
 
     Raises
     ------
@@ -245,7 +246,14 @@ class _FeaturePolygon(NamedTuple):
 
     @property
     def obstacle(self) -> Obstacle:
-        return Obstacle(self.area, *self.heights, name=self.feature.name)
+        properties = self.feature.data.get("properties") or {}
+        contrast = properties.get("contrast") if isinstance(properties, dict) else None
+        try:
+            return Obstacle(
+                self.area, *self.heights, name=self.feature.name, contrast=1.0 if contrast is None else contrast
+            )
+        except MapError as error:
+            raise MapError(f"{self.feature}: {error}") from None
 
 
 def _in_metres(declared: str | None, shapes: NDArray[np.object_], path: str | Path) -> tuple[str, ...]:

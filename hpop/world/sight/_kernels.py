@@ -103,7 +103,7 @@ def flow(
 ) -> None:
     """Write to out (M,) the mean, or the largest, angular speed of surfaces over the bearings, rad/s; see `Bearings`.
 
-    layers  (H, W, 3 B)  as from `Bearings.layers`, or the distances (H, W, B) alone
+    layers  (H, W, 3 B)  as from `Bearings.layers`, perhaps with contrasts, or the distances (H, W, B) alone
     u, v    (M,)         positions in grid steps, clamped as in `Field`
     tilt    (3, M)       upward velocity, and rotation about x and about y; (3, 0) if all are zero
     yaw     (M,)         middle of the angle ``width`` (M,) of visible bearings, rad; (0,) if all are visible
@@ -141,6 +141,8 @@ def flow(
                 speed = math.hypot(
                     speed, tilt[0, n] * inverse + tilt[1, n] * directions[k, 1] - tilt[2, n] * directions[k, 0]
                 )
+            if splines > 3 * count:
+                speed *= min(max(value[3 * count + k], 0.0), 1.0)
             if partial:
                 off = abs((k * sector - yaw[n] + math.pi) % (2.0 * math.pi) - math.pi)
                 share = min(1.0, width[n] / sector, (0.5 * width[n] - off) / sector + 0.5)

@@ -43,6 +43,8 @@ CAST = 4096
 SAMPLE = 8
 """Bytes of a sample."""
 DISTANCES = "the distances along bearings were sampled"
+TOUCHES = 1e-6
+"""Distance, m, from the outline of an obstacle up to which a ray counts as ending there."""
 LINEAR = 1e-6
 """Second difference, m, up to which distances count as linear."""
 ALL_ROUND = 2 * math.pi - 1e-3
@@ -72,6 +74,7 @@ class Bearings:
                            0 inside an obstacle
     spacing     float      m
     origin      (x, y)     m   where distances[PAD, PAD] was sampled
+    contrasts   (H, W, B)  contrast of the surface seen, 0 to 1, likewise; None if it is 1 everywhere
 
     Near a straight wall the distance along a bearing is linear in the position, so its spline is exact more than two
     steps from the wall and its ends. Where one surface hides another the distance jumps. Flow needs the inverse, and
@@ -84,6 +87,7 @@ class Bearings:
     distances: FloatArray
     spacing: float
     origin: tuple[float, float]
+    contrasts: FloatArray | None = None
     _fields: dict[tuple[int, float | None], Field] = field(default_factory=dict, repr=False)
     _layers: dict[float, FloatArray] = field(default_factory=dict, repr=False)
 
@@ -94,15 +98,19 @@ class Bearings:
     def layers(self, nearest: float) -> FloatArray:
         """Return coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
 
-        The last axis has B distances d, then B values of 1 / max(d, nearest), 1/m, then B weights w, 0 or 1. H and W
-        include the padding. A reader blends two inverses of d: the second spline with weight w, and 1/d of the first
-        spline with weight 1 - w. At the nodes w is 1 within two nodes of a bend or jump of d.
+        The last axis has B distances d, then B values of 1 / max(d, nearest), 1/m, then B weights w, 0 or 1, and then B
+        contrasts if there are any. H and W include the padding. A reader blends two inverses of d: the second spline
+        with weight w, and 1/d of the first spline with weight 1 - w. At the nodes w is 1 within two nodes of a bend or
+        jump of d.
         """
         if nearest not in self._layers:
             sampled = self.distances[PAD:-PAD, PAD:-PAD]
             limits.hold(DISTANCES, 3 * self.distances.nbytes, 4 * self.distances.nbytes)
             layers = np.concatenate([sampled, 1.0 / np.maximum(sampled, nearest), _near_jumps(sampled)], axis=2)
-            self._layers[nearest] = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+            layers = np.pad(layers, ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+            if self.contrasts is not None:
+                layers = np.concatenate([layers, self.contrasts], axis=2)
+            self._layers[nearest] = layers
         return self._layers[nearest]
 
     def _inverse(self, bearing: int, read: Callable[[Field], Column], nearest: float) -> Column:
@@ -147,13 +155,19 @@ class Bearings:
         A camera that moves with ``velocity`` m/s and turns at ``rotation`` rad/s, world frame, sees a surface at
         distance d along a horizontal bearing b shift by (v_x sin b - v_y cos b) / d - w_z along the horizon and by v_z
         / d + w_x sin b - w_y cos b down. Distances below ``nearest`` m count as ``nearest``. With a limited view, each
-        bearing is weighted by the visible fraction of its sector of 2 pi / B.
+        bearing is weighted by the visible fraction of its sector of 2 pi / B. Each speed is multiplied by the contrast
+        of the surface.
         """
         if not self._on_symbols(x, y, velocity, rotation, seen):
             return self._kernel(x, y, velocity, rotation, nearest, seen, largest=False)
         read = self._reader(x, y)
         inverses = (self._inverse(b, read, nearest) for b in range(len(self.directions)))
         shifts = self._shifts(velocity, rotation, inverses)
+        if self.contrasts is not None:
+            count, layers = len(self.directions), self.layers(nearest)
+            numbers = range(3 * count, 4 * count)
+            weights = (self._field((k, nearest), lambda k=k: layers[..., k]) for k in numbers)  # type: ignore[misc]
+            shifts = (shift * read(weight) for shift, weight in zip(shifts, weights, strict=True))
         if seen is None:
             return sum(shifts) / len(self.directions)
         shares = [self._share(b, seen) for b in range(len(self.directions))]
@@ -263,10 +277,40 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
         directions = np.ascontiguousarray(np.round(np.stack([np.cos(angles), np.sin(angles)], axis=1), 15))
         distances = _cast(border.edges.reshape(-1, 4), x, y, directions)
         distances[border.contains(x, y) != walled] = 0.0
-        padded = np.pad(distances.reshape(ys.size, xs.size, count), ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
-        return Bearings(directions, padded, spacing, (float(xs[0]), float(ys[0])))
+        shades = _contrasts(ground, z, x, y, directions, distances)
+
+        def padded(layer: FloatArray) -> FloatArray:
+            return np.pad(layer.reshape(ys.size, xs.size, count), ((PAD, PAD), (PAD, PAD), (0, 0)), mode="edge")
+
+        corner = float(xs[0]), float(ys[0])
+        return Bearings(directions, padded(distances), spacing, corner, None if shades is None else padded(shades))
 
     return ground.derived(("bearings", ground.layer((z, z)), count), make)
+
+
+def is_faint(ground: Ground) -> bool:
+    """Return whether any obstacle has a contrast below 1."""
+    return any(obstacle.contrast < 1.0 for obstacle in ground.obstacles)
+
+
+def _contrasts(
+    ground: Ground, z: float, x: FloatArray, y: FloatArray, directions: FloatArray, distances: FloatArray
+) -> FloatArray | None:
+    """Return the contrasts (M, B) of the surfaces at distances (M, B), m, from points; None if all of them are 1.
+
+    Where obstacles touch, the lowest contrast counts.
+    """
+    if not is_faint(ground):
+        return None
+    hit_x, hit_y = (at[:, None] + distances * along for at, along in zip((x, y), directions.T, strict=True))
+    shades = np.ones(distances.shape)
+    for obstacle in ground.obstacles:
+        if obstacle.contrast < 1.0 and obstacle.z_min <= z <= obstacle.z_max:
+            limits.check(DISTANCES)
+            around = obstacle.polygon.buffer(TOUCHES)
+            shapely.prepare(around)
+            shades[shapely.contains_xy(around, hit_x, hit_y)] = obstacle.contrast
+    return shades
 
 
 def _near_jumps(distances: FloatArray) -> BoolArray:
