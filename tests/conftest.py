@@ -47,7 +47,7 @@ def pytest_configure() -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Give each process whole files; one has all files that use a browser or `warm`, which take seconds to start."""
+    """Give each process whole groups of files."""
     from xdist.scheduler import LoadFileScheduling  # here: tests run without xdist, too
 
     class Scheduling(LoadFileScheduling):
@@ -59,11 +59,14 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 
 @cache
 def group_of(file: str) -> str:
-    """Return the group of a file of tests, all of which one process runs: "browser", "warm" or the file alone."""
+    """Return the group of a file, all of which one process runs, so that what its tests use is loaded once.
+
+    It is "warm" for the files that fork processes, else the folder; files of no folder stand alone.
+    """
     path = Path(__file__).parents[1] / file
-    if path.parent.name == "browser":
-        return "browser"
-    return "warm" if path.is_file() and re.search(r"\bwarm\.(run|start)\(", path.read_text()) else file
+    if path.is_file() and re.search(r"\bwarm\.(run|start)\(", path.read_text()):
+        return "warm"
+    return file if path.parent == Path(__file__).parent else str(path.parent)
 
 
 @pytest.fixture(scope="session")
