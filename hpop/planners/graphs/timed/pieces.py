@@ -13,7 +13,6 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from scipy.special import ndtri
-from scipy.stats import ncx2
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision.parts import Part
@@ -203,6 +202,8 @@ def clear_distance(deviation: FloatArray, disc: float) -> FloatArray:
     deviation  (T,) m, standard deviation of the person's position
     disc       m, radius of the disc
     """
+    if np.all(deviation < SMALLEST * disc):
+        return disc + SIGMAS * deviation
     deviations, needed = _table(float(disc))
     after = np.clip(np.searchsorted(deviations, deviation), 1, deviations.size - 1)
     unsure = np.maximum(needed[after - 1], needed[after])
@@ -218,6 +219,8 @@ def _table(disc: float) -> tuple[FloatArray, FloatArray]:
 
     disc  m, radius of the disc
     """
+    from scipy.stats import ncx2  # slow to import
+
     largest = disc / math.sqrt(-2.0 * math.log1p(-RISK))
     deviations = np.geomspace(SMALLEST * disc, largest, TABLE)
     size = (disc / deviations) ** 2
