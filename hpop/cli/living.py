@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import re
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import fields
@@ -32,6 +34,12 @@ PORT = 8020
 @click.option("--replay", is_flag=True, help="SCENARIO is the record of a session: show that session again.")
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]")
 @click.option("--network", is_flag=True, help="Serve other machines in the network too, over https: needs hpop[serve].")
+@click.option(
+    "--token",
+    envvar="HPOP_LIVE_TOKEN",
+    metavar="TEXT",
+    help="Secret part of the addresses, to keep them over a restart; also from HPOP_LIVE_TOKEN. [random]",
+)
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the record. [out/SCENARIO]")
 @click.option(
     "--delay",
@@ -61,6 +69,7 @@ def live(
     replay: bool = False,
     port: int = PORT,
     network: bool = False,
+    token: str | None = None,
     out: Path | None = None,
     imports: Sequence[str] = (),
     video: str = "",
@@ -82,6 +91,7 @@ def live(
         "host": serving.EVERYWHERE if network else serving.LOCAL,
         "names": [here],
         "secured": None if certificate is None else serving.context_of(certificate),
+        **_tokens_of(token),
     }
     if replay:
         server = replay_of(scenario, **options)
@@ -96,6 +106,20 @@ def live(
         if (record := server.session.record_path) is not None:
             echo(f"record: {record}")
         server.serve_forever()
+
+
+TOKEN = re.compile(r"[A-Za-z0-9_-]{12,100}")
+
+
+def _tokens_of(token: str | None) -> dict[str, str]:
+    """Return the tokens of those who may drive and of those who watch; the first cannot be told from the second."""
+    if token is None:
+        return {}
+    if not TOKEN.fullmatch(token):
+        raise OptionError(
+            f"--token must have 12 to 100 letters, digits, - and _, got {len(token)} characters; choose a random one"
+        )
+    return {"driving": token, "watching": hashlib.sha256(f"watch {token}".encode()).hexdigest()[:16]}
 
 
 def server_of(
