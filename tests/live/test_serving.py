@@ -1,4 +1,4 @@
-"""A session as it is served: tokens that stay, other machines over https, a crowd, and viewers who read slowly."""
+"""Serving of sessions: tokens that stay, other machines over https, a crowd, and slow readers."""
 
 from __future__ import annotations
 
