@@ -20,8 +20,9 @@ from hpop.cli import main
 from hpop.motions import States
 from hpop.scenario import load_scenario
 from hpop.testing import check_model, check_planner
+from hpop.testing.worlds import latency
 from hpop.view import save_pictures
-from tests.own_criteria import LEARNT
+from tests.own_criteria import NEEDED
 
 ROOT = Path(__file__).resolve().parents[1]
 pytestmark = pytest.mark.usefixtures("registered_as_before")
@@ -274,12 +275,12 @@ def test_the_page_of_arms_says_of_each_criterion_whether_it_is_for_them():
     from hpop.world.content.content import Landmark
 
     shelf = load_scenario(ROOT / "examples/arm_shelf.yaml").problem
-    world = shelf.world.with_content(landmarks=[Landmark(0.7, 0.25, z=0.43)])
+    world = shelf.world.with_content(landmarks=[Landmark(0.7, 0.25, z=0.43)]).with_fields([latency()])
     table = (ROOT / "docs/arm_reference.md").read_text().partition("## Criteria")[2].partition("\n\nMeans")[0]
     rows = [re.findall(r"`(\w+)`", line.split("|")[2]) for line in table.splitlines() if "`" in line]
     at_home = {name for name, cls in criteria.items() if cls.__module__.startswith("hpop.criteria.")}
     assert sorted(name for row in rows for name in row) == sorted(at_home)
-    given = {"target": (0.7, 0.25, 0.43), "file": str(LEARNT)}
+    given = NEEDED | {"target": (0.7, 0.25, 0.43)}
     improved, rough, remembering, refused = (
         [
             make_criterion({name: {key: value for key, value in given.items() if key in _options(criteria[name])}})

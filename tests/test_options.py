@@ -73,8 +73,8 @@ def test_text_that_yaml_did_not_read_as_a_number_is_explained():
 
 
 def test_an_array_in_the_place_of_a_word_or_a_yes_is_refused() -> None:
-    with pytest.raises(hpop.errors.ModelError, match="view must be one of fixed, unwound, got array"):
-        hpop.DifferentialDrive(view=np.zeros(2))
+    with pytest.raises(hpop.errors.ModelError, match="turning must be one of fixed, level, unwound, got array"):
+        hpop.ViewModel(hpop.DifferentialDrive(), np.zeros(2))
     for planner in ("lattice", "weighted-sum"):
         with pytest.raises(OptionError, match="corner_cutting must be true or false, got array"):
             make_planner({planner: {"corner_cutting": np.zeros(2)}}, {})

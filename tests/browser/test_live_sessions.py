@@ -1,4 +1,4 @@
-"""Sessions on three maps in a real browser: nobody is touched, and every number and explanation is checked.
+"""Sessions on three maps in a real browser: no person is touched, and every number and explanation is checked.
 
 The numbers of each card are evaluated again from its line. Each explanation is compared with a search of its own here:
 label setting on the positions of the lattice, with the place as a constraint, which shares no code with the planner's.
@@ -201,7 +201,7 @@ def check_cards(guest: Guest, file: Path, walls: shapely.Geometry) -> int:
 def check_whys(guest: Guest, name: str, asked: list[tuple[float, float]], *, quiet: bool) -> int:
     """Compare all explanations with the search of this file; return how many were compared.
 
-    quiet  whether nobody walks about: then the answer is one of the best ways. Among people no answer is better
+    quiet  whether no people walk about: then the answer is one of the best ways. Among people no answer is better
     """
     many, last = 0, dict[tuple[float, float], dict[str, Any]]()
     for why in guest.told:
@@ -235,7 +235,7 @@ def check_whys(guest: Guest, name: str, asked: list[tuple[float, float]], *, qui
 
 
 def test_ways_and_explanations_are_those_of_a_search_that_shares_no_code(browser: Browser, tmp_path: Path) -> None:
-    """Nobody walks about. All fronts are complete: their costs are those of the search of this file."""
+    """No people walk about. All fronts are complete: their costs are those of the search of this file."""
     name = "pillars"
     with served(tmp_path, scenario_of(name, "turns, length")) as server:
         guest = Guest(browser, server.address())
