@@ -8,7 +8,7 @@ that links carry.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -249,16 +249,25 @@ class LinkRules:
         given = [self.others[name] for name in pair if name in self.others]
         return bool(given) and all(given)
 
-    def notes_on(self, links: Iterable[str]) -> Iterator[str]:
-        """Yield a note on padding and scale of links that a robot with these links does not have."""
+    def notes_on(self, links: Collection[str], obstacles: Callable[[], Iterable[str]]) -> Iterator[str]:
+        """Yield notes on names without effect: padded links that a robot with these links lacks, unknown pairs.
+
+        ``obstacles`` returns the names of the obstacles; it is called only if a pair names no link.
+        """
         changed = {name for name, by in self.padding.items() if by} | {
             name for name, by in self.scale.items() if by != 1.0
         }
         if strange := sorted(changed.difference(links)):
-            listed = ", ".join(map(shown, strange[:MOST_NAMED])) + (", ..." if len(strange) > MOST_NAMED else "")
+            number, listed = _counted_names(strange, "link", links)
+            yield f"the scene pads or scales {number} that the robot does not have, to no effect: {listed}"
+        listed_names = {*self.others, *(name for pair in self.pairs for name in pair)}
+        strange = sorted(listed_names.difference(links, (str(each["name"]) for each in self.attached)))
+        known = {*links, *obstacles()} if strange else set()
+        if strange := [name for name in strange if name not in known]:
+            number, listed = _counted_names(strange, "name", known)
             yield (
-                f"the scene pads or scales {counted(len(strange), 'link')} that the robot does not have, to no effect: "
-                f"{listed}." + did_you_mean(strange[0], links)
+                f"the scene's allowed_collision_matrix has {number} of neither a link of the robot nor an obstacle, to "
+                f"no effect: {listed}"
             )
 
     def __bool__(self) -> bool:
@@ -285,6 +294,13 @@ class LinkRules:
             {str(name): _flag(allowed) for name, allowed in data["others"].items()},
             tuple(map(_attached, data.get("attached", ()))),
         )
+
+
+def _counted_names(strange: Sequence[str], kind: str, known: Iterable[str]) -> tuple[str, str]:
+    """Return the number of unknown names in words, and the first of them, with the known name that is nearest."""
+    listed = ", ".join(map(shown, strange[:MOST_NAMED])) + (", ..." if len(strange) > MOST_NAMED else "")
+    hint = next(filter(None, (did_you_mean(name, known) for name in strange)), "")
+    return counted(len(strange), kind), f"{listed}." + hint
 
 
 def padding_of(what: str, given: Any) -> float:

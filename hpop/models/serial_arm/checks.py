@@ -114,8 +114,9 @@ def unknown_name_notes(robot: Robot, semantics: Semantics) -> Iterator[str]:
     if strange := sorted(links - robot.links.keys()):
         yield _unknown_note("lists pairs of links with", strange, robot.links)
     joints = {joint for values in semantics.states.values() for joint in values} - semantics.loose
-    if strange := sorted(joints - robot.joints.keys()):
-        yield _unknown_note("has named states with values for the joints", strange, robot.joints)
+    for what, named in (("has named states with values for", joints), ("calls passive", semantics.passive)):
+        if strange := sorted(named - robot.joints.keys()):
+            yield _unknown_note(f"{what} the joints", strange, robot.joints)
     for state, group in sorted(semantics.grouped):
         if group not in semantics.groups:
             near = did_you_mean(group, semantics.groups)

@@ -257,3 +257,7 @@ def test_a_joint_that_an_srdf_calls_passive_is_told(tmp_path):
     (note,) = made(tmp_path, srdf=srdf).notes
     assert "no motor drives the joints 'tilt' (passive_joint)" in note
     assert made(tmp_path, srdf=srdf, fixed={"tilt": 0.0}).notes == ()
+    srdf.write_text('<robot name="crane"><passive_joint name="tilt_joint"/><passive_joint name="wik"/></robot>')
+    (note,) = made(tmp_path, srdf=srdf).notes
+    assert note.startswith("the SRDF calls passive the joints 'tilt_joint', 'wik', which the URDF does not have")
+    assert "Did you mean 'wick'?" in note

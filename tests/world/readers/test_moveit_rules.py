@@ -257,3 +257,22 @@ def test_padding_and_scale_of_links_that_the_robot_lacks_are_noted_in_a_front(tm
             f"the scene pads or scales {count} links that the robot does not have, to no effect: 'jib"
         )
         assert ("Did you mean 'jib'" in note) == (count == 2)
+
+
+def test_names_in_a_matrix_that_are_neither_links_nor_obstacles_are_noted_in_a_front(tmp_path):
+    names = ["jib", "ball", "bal", "trolly"]
+    matrix = {"entry_names": names[:3], "entry_values": [[False] * 3] * 3}
+    matrix |= {"default_entry_names": names, "default_entry_values": [True] * 4}
+    arm = crane(tmp_path)
+
+    def notes(**rules):
+        problem = hpop.Problem(world_of(tmp_path, **rules), arm, (0,) * 4, (0.1,) * 4, ["duration"])
+        return [note for note in problem.notes if "to no effect" in note]
+
+    assert notes(allowed_collision_matrix=matrix) == [
+        "the scene's allowed_collision_matrix has 2 names of neither a link of the robot nor an obstacle, to no "
+        "effect: 'bal', 'trolly'. Did you mean 'ball'?"
+    ]
+    held = {"link_name": "jib", "object": BALL | {"id": "bal"}}
+    right = {"default_entry_names": ["bal", "jib", "ball"], "default_entry_values": [True] * 3}
+    assert notes(allowed_collision_matrix=right, robot_state={"attached_collision_objects": [held]}) == []
