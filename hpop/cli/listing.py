@@ -225,7 +225,7 @@ def look(
     echo(f"written to {out}{replaced}" + ("" if side is None else f", and the view from the side to {side}"))
     if page is not None:
         _say_page(page, opens=opens)
-    elif side is not None and not problem.model.provides & {"base", "time"}:
+    elif side is not None and "joints" in problem.model.provides:
         echo(f"to move its joints in a browser: hpop look {argument(path)} --web")
     if seen.refused:
         raise QueryError("\n".join(seen.refused))

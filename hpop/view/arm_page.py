@@ -8,9 +8,9 @@ free where the planner does. Tests compare both.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import shapely
@@ -20,10 +20,15 @@ from hpop.base.arrays import FloatArray
 from hpop.base.files import replacing
 from hpop.base.text import printable
 from hpop.errors import HpopError, ModelError, OutputError
+from hpop.models.mobile_arm import MobileArm
+from hpop.models.serial_arm.chain import ArmPart, Chain
 from hpop.models.serial_arm.collision import KEPT, ArmCollision
 from hpop.models.serial_arm.keep import KeptAxis
 from hpop.models.serial_arm.model import SerialArm
-from hpop.models.serial_arm.scene import along_z
+from hpop.models.serial_arm.scene import ArmScene, along_z, scene_of
+from hpop.models.two_arms.collision import WORK
+from hpop.models.two_arms.model import TwoArms
+from hpop.motions import Model
 from hpop.motions.states import Values
 from hpop.problems.problem import Problem
 from hpop.view.marks import targets_by_name
@@ -32,7 +37,7 @@ from hpop.view.ride.page import LINKS, body_of, licence
 from hpop.view.ride.scene import colour_of
 from hpop.view.single_page import page_file, single_page
 from hpop.world import World
-from hpop.world.geometry.solids import Shape
+from hpop.world.geometry.solids import Shape, Solid
 
 SCHEMA, VERSION = "hpop-arm", 1
 DIGITS = 7
@@ -42,15 +47,19 @@ SAMPLED, SHOWN = 100, 3
 
 
 @checked_arguments
-def save_arm_page(problem: Problem | SerialArm, path: str | os.PathLike[str] = "arm.html") -> Path:
+def save_arm_page(
+    problem: Problem | SerialArm | MobileArm | TwoArms, path: str | os.PathLike[str] = "arm.html"
+) -> Path:
     """Write a page on which an arm can be moved by its joints among the obstacles, and return its path.
 
     The page names and colours the pairs of bodies that collide. Buttons set start and goals of the problem, and the
-    named states of the arm's SRDF. For an arm without a problem there are no obstacles.
+    named states of the arm's SRDF. For an arm without a problem there are no obstacles. The base of a mobile arm is
+    moved by x, y and yaw. Of two arms, both have joints; contacts of the working arm with obstacles and with itself are
+    not tested.
 
     Parameters
     ----------
-    problem : a problem whose model is an arm, or the arm alone
+    problem : a problem whose model is an arm, a mobile arm or two arms; or the model alone
     path : file of the page, which needs no other files; its folder is created if missing
 
     Raises ModelError if the robot is no arm, OptionError for a name that does not end in .html, OutputError if the page
@@ -69,108 +78,148 @@ def save_arm_page(problem: Problem | SerialArm, path: str | os.PathLike[str] = "
     return target
 
 
-def arm_payload(problem: Problem | SerialArm) -> dict[str, Any]:
+def arm_payload(problem: Problem | SerialArm | MobileArm | TwoArms) -> dict[str, Any]:
     """Return the data of the page: JSON, `hpop-arm` version 1, read by web/src/arm/model.ts."""
     if isinstance(problem, Problem):
-        arm, world, targets = problem.model.carrier, problem.world, targets_by_name(problem)
+        robot, world, targets = problem.model.carrier, problem.world, targets_by_name(problem)
     else:
-        arm, world, targets = problem, World.from_solids([], extent=shapely.box(-1, -1, 1, 1)), []
-    collision = arm.collision(world)
-    if not isinstance(arm, SerialArm) or not isinstance(collision, ArmCollision):
-        raise ModelError(
-            f"this page shows one arm that does not drive, a serial_arm, got a {arm.name}; give its arm alone, or draw "
-            "pictures by hpop look without --web"
-        )
+        robot, world, targets = problem, World.from_solids([], extent=shapely.box(-1, -1, 1, 1)), []
+    arm, collision = _arm_of(robot, world)
+    work = robot if isinstance(robot, TwoArms) else None
     states, notes = _states(problem) if isinstance(problem, Problem) else ({}, [])
-    chain, space = arm.chain, arm.space
-    named = {printable(name): values for name, values in space.named.items() if printable(name) not in states}
-    rest = tuple(np.where(chain.low <= chain.high, np.clip(0.0, chain.low, chain.high), 0.0).tolist())
+    named = {printable(name): values for name, values in robot.space.named.items() if printable(name) not in states}
+    joints = [*_joints(collision.chain, world), *([] if work is None else _joints(work.work.chain, world, WORK))]
+    rest = tuple(min(max(0.0, one["low"]), max(one["low"], one["high"])) for one in joints)
+    states = {name: _of_joints(values, work) for name, values in {**states, **named}.items()}
     return {
         "schema": SCHEMA,
         "version": VERSION,
         "title": printable(Path(arm.urdf).stem),
-        "joints": [
-            {"name": printable(name), "sliding": sliding, "turning": turning, "low": low, "high": high}
-            for name, sliding, turning, low, high in zip(
-                chain.names,
-                chain.sliding.tolist(),
-                chain.turning.tolist(),
-                chain.low.tolist(),
-                chain.high.tolist(),
-                strict=True,
-            )
-        ],
-        "states": [
-            {"name": name, "values": list(values)} for name, values in {**states, **named, "all 0": rest}.items()
-        ],
-        **_collision(collision),
-        "camera": _mount(arm, "camera"),
-        "tool": _mount(arm, "tool"),
-        "kept": None if arm.kept is None else _kept(arm, arm.kept),
+        "joints": joints,
+        "states": [{"name": name, "values": list(values)} for name, values in {**states, "all 0": rest}.items()],
+        **_collision(collision, work),
+        "camera": _mount(collision.chain, "camera"),
+        "tool": _mount(collision.chain, "tool"),
+        "kept": None if arm.kept is None else _kept(collision.chain, arm.kept),
         "field_of_view": None if arm.field_of_view is None else list(arm.field_of_view),
         "targets": [{"name": printable(name), "place": list(place)} for name, place in targets],
         "surfaces": surfaces.description(),
-        "notes": [printable(note) for note in (*world.notes, *arm.notes, *notes)],
+        "notes": [printable(note) for note in (*world.notes, *robot.notes, *notes)],
         "licence": licence(),
     }
 
 
-def _collision(collision: ArmCollision) -> dict[str, Any]:
-    """Return frames, bodies and pairs of an arm's collision test as JSON; the last bodies are enlarged links."""
-    scene, size = collision.scene, len(collision.parts)
-    bodies = scene.bodies
-    enlarged = {b: number for number, b in collision.enlarged_bodies.items()}
-    shapes = list(_shapes(collision))
-    described = [
-        {
-            "name": printable(shapes[enlarged.get(b, b)][0]),
-            "link": b < size or b in enlarged,
-            "shown": enlarged.get(b, b),
-            "frame": int(frame),
-            "points": bodies.points[bodies.first[b] : bodies.first[b + 1]].round(DIGITS).tolist(),
-            "disc": float(bodies.disc[b]),
-            "plane": bodies.plane[b].tolist(),
-            "ball": float(bodies.ball[b]),
-            "centre": bodies.centre[b].round(DIGITS).tolist(),
-            "reach": float(bodies.reach[b]),
-        }
-        for b, frame in enumerate(scene.frames.tolist())
+def _arm_of(robot: Model, world: World) -> tuple[SerialArm, ArmCollision]:
+    """Return the arm that carries the camera and its collision test, in which the base of a mobile arm is a link."""
+    if isinstance(robot, MobileArm):
+        links = robot.collision(world).links
+        return robot.arm, ArmCollision(links.chain, links.parts, links.apart, world)
+    arm = robot.view if isinstance(robot, TwoArms) else robot
+    if not isinstance(arm, SerialArm):
+        raise ModelError(
+            f"this page shows an arm: a serial_arm, a mobile_arm or two_arms, got a {robot.name}; draw pictures by hpop "
+            "look without --web"
+        )
+    return arm, cast("ArmCollision", arm.collision(world))
+
+
+def _joints(chain: Chain, world: World, prefix: str = "") -> list[dict[str, Any]]:
+    """Return the joints of a chain as JSON; x and y of a base stay within the bounds of the world."""
+    low, high = chain.low.copy(), chain.high.copy()
+    on_base = np.flatnonzero(chain.sliding & np.isinf(chain.speed))
+    if on_base.size:
+        low[on_base], high[on_base] = np.reshape(world.extent.bounds, (2, 2))
+    columns = chain.sliding.tolist(), chain.turning.tolist(), low.tolist(), high.tolist()
+    return [
+        {"name": printable(prefix + name), "sliding": sliding, "turning": turning, "low": least, "high": most}
+        for name, sliding, turning, least, most in zip(chain.names, *columns, strict=True)
     ]
+
+
+def _of_joints(values: Values, work: TwoArms | None) -> list[float]:
+    """Return the values of all joints on the page in a state; those of a working arm follow from the state's time."""
+    if work is None:
+        return list(values)
+    own = len(work.joints)
+    at = work.motion.states(np.array([values[-1] if len(values) > own else 0.0]))
+    return [*values[:own], *(float(getattr(at, name)[0]) for name in work.work.joints)]
+
+
+def _collision(collision: ArmCollision, work: TwoArms | None) -> dict[str, Any]:
+    """Return frames, bodies and pairs of a collision test as JSON.
+
+    After links and obstacles follow the enlarged links, and then the links of a working arm, whose chain of frames
+    begins in the world again.
+    """
+    scene, size, count = collision.scene, len(collision.parts), len(collision.chain)
+    owners = [number for number, _ in sorted(collision.enlarged_bodies.items(), key=lambda item: item[1])]
+    drawn = [*range(len(scene.frames) - len(owners)), *owners]
+    shapes = [*_links(collision.chain, collision.parts), *map(_obstacle, collision.world.bodies)]
+    bodies = [_body(scene, b, shapes[k][0], k, k < size) for b, k in enumerate(drawn)]
+    origins, pairs, parents = scene.origins.tolist(), scene.pairs.tolist(), [*range(count)]
+    if work is not None:
+        other, chain, first = scene_of(work.work.chain, work.work.parts, ()), work.work.chain, len(shapes)
+        shapes += [(WORK + name, shape) for name, shape in _links(chain, work.work.parts)]
+        links = [_body(other, b, shapes[first + b][0], first + b, True) for b in range(len(other.frames))]
+        bodies += [{**link, "frame": link["frame"] and link["frame"] + count} for link in links]
+        pairs += [[a, b] for a in range(size) for b in range(len(drawn), len(bodies))]
+        origins += other.origins.tolist()
+        parents += [0, *range(count + 1, count + len(chain))]
     return {
-        "origins": scene.origins.tolist(),
-        "bodies": described,
-        "pairs": scene.pairs.tolist(),
+        "origins": origins,
+        "parents": parents,
+        "bodies": bodies,
+        "pairs": pairs,
         "kept_distance": KEPT,
         "shapes": [shape for _, shape in shapes],
     }
 
 
-def _shapes(collision: ArmCollision) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield name and triangles of each body: links, then obstacles, each in the frame of its points."""
-    turned = [np.eye(4), *map(along_z, collision.chain.axes)]
-    links = list(dict.fromkeys(part.link for part in collision.parts))
-    for part in collision.parts:
+def _body(scene: ArmScene, b: int, name: str, shown: int, link: bool) -> dict[str, Any]:
+    """Return body ``b`` of a scene as JSON; ``shown`` is the number of the shape that is drawn for it."""
+    bodies = scene.bodies
+    return {
+        "name": printable(name),
+        "link": link,
+        "shown": shown,
+        "frame": int(scene.frames[b]),
+        "points": bodies.points[bodies.first[b] : bodies.first[b + 1]].round(DIGITS).tolist(),
+        "disc": float(bodies.disc[b]),
+        "plane": bodies.plane[b].tolist(),
+        "ball": float(bodies.ball[b]),
+        "centre": bodies.centre[b].round(DIGITS).tolist(),
+        "reach": float(bodies.reach[b]),
+    }
+
+
+def _links(chain: Chain, parts: Sequence[ArmPart]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and triangles of the links of a chain, each in the frame of its points."""
+    turned = [np.eye(4), *map(along_z, chain.axes)]
+    links = list(dict.fromkeys(part.link for part in parts))
+    for part in parts:
         colour = LINKS[links.index(part.link) % len(LINKS)]
         yield part.link, _drawn(part.solid.shape, turned[part.frame].T @ part.solid.pose, colour)
-    for solid in collision.world.bodies:
-        yield solid.name, _drawn(solid.shape, solid.pose, colour_of(solid.name))
+
+
+def _obstacle(solid: Solid) -> tuple[str, dict[str, Any]]:
+    return solid.name, _drawn(solid.shape, solid.pose, colour_of(solid.name))
 
 
 def _drawn(shape: Shape, pose: FloatArray, colour: surfaces.Colour) -> dict[str, Any]:
     return body_of(shape, pose).description(0, colour)
 
 
-def _mount(arm: SerialArm, body: str) -> dict[str, Any]:
+def _mount(chain: Chain, body: str) -> dict[str, Any]:
     """Return the frame of the chain that carries a body, and the body's pose (3, 4) in it."""
-    frame, pose = arm.chain.mounts[body]
-    turned = along_z(arm.chain.axes[frame - 1]) if frame else np.eye(4)
+    frame, pose = chain.mounts[body]
+    turned = along_z(chain.axes[frame - 1]) if frame else np.eye(4)
     return {"frame": frame, "pose": (turned.T @ pose)[:3].tolist()}
 
 
-def _kept(arm: SerialArm, kept: KeptAxis) -> dict[str, Any]:
+def _kept(chain: Chain, kept: KeptAxis) -> dict[str, Any]:
     """Return the orientation that an arm keeps as JSON: axis of a body, its direction in the world, and the angle."""
     return {
-        **_mount(arm, kept.of),
+        **_mount(chain, kept.of),
         "axis": list(kept.axis),
         "direction": list(kept.direction),
         "angle": list(kept.angle),

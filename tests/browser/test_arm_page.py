@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from itertools import combinations
 from pathlib import Path
@@ -12,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import hpop
-from hpop.goals import LookAt
+from hpop.goals import Anywhere, LookAt
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.motions import States
 from hpop.view import save_arm_page
@@ -20,6 +21,7 @@ from hpop.view.ride.page import body_of
 from hpop.world import Box, Cylinder, Solid, World, pose_at
 from hpop.world.geometry.solids import Hull, Sphere
 from tests.models.serial_arm.arms import arm6, crane
+from tests.two_arms import TABLE, two_arms
 
 Open = Callable[..., Page]
 START, MARKUP = (-0.27, 0.74, 1.73, 0.87, -0.05, -0.82), "<b>can</b>"
@@ -60,7 +62,7 @@ def geometry(solid: Solid) -> object:
     return coal.Convex.convexHull(points, True, "Qt")
 
 
-def near(arm: hpop.SerialArm, world: World, state: States) -> dict[frozenset[str], float]:
+def near(arm: hpop.SerialArm | hpop.MobileArm, world: World, state: States) -> dict[frozenset[str], float]:
     """Least distance, m, of each pair of links, or of a link and an obstacle, that must not touch, by coal."""
     placed = [
         (p.link, p.frame, geometry(p.solid), at[0]) for p, (_, at) in zip(arm.parts, arm.bodies(state), strict=True)
@@ -136,6 +138,45 @@ def test_padding_held_objects_and_kept_axes_count(opened: Open, tmp_path: Path) 
         assert judged["collisions"] or not touching[i]
         assert (not judged["collisions"] and judged["tilted"] is None) == planned[i]
     assert 5 < touching.sum() < 75
+
+
+@pytest.mark.proof
+def test_the_base_of_a_mobile_arm_moves_on_the_page_and_collides(opened: Open, tmp_path: Path) -> None:
+    robot = hpop.MobileArm(arm6(base=(0.1, 0.0, 0.3, 0.0, 0.0, 0.0)))
+    world = shelf()
+    here = (-0.9, -0.6, 0.0, *arm6().space.named["home"])
+    page = shown(opened, hpop.Problem(world, robot, here, here, ["duration"]), tmp_path, size=(300, 200))
+    assert page.locator("#joints input[type=range]").count() == 9
+    rng = np.random.default_rng(6)
+    collided = 0
+    for _ in range(25):
+        row = (*rng.uniform(-1.2, 1.2, 2), *rng.uniform(-1.5, 1.5, 7))
+        page.evaluate("(q) => hpopArm.set(q)", [*row])
+        found = {frozenset(pair) for pair in page.evaluate("hpopArm.judge()")["collisions"]}
+        apart = near(robot, world, robot.space.state(row))
+        assert found == {names for names, distance in apart.items() if distance < KEPT}
+        collided += any("mobile base" in pair for pair in found)
+    assert 2 < collided < 24
+
+
+@pytest.mark.proof
+def test_two_arms_have_joints_of_both_on_the_page(opened: Open, tmp_path: Path) -> None:
+    arms = two_arms(view=arm6(base=(0.3, 0.3, 0.0, 0.0, 0.0, -1.2)))
+    page = shown(opened, hpop.Problem(TABLE, arms, "home", Anywhere(), ["rotation"]), tmp_path, size=(300, 200))
+    assert page.locator("#joints input[type=range]").count() == 12
+    copied = page.locator("label.values input").input_value()
+    assert np.allclose(json.loads(copied), arms.view.space.named["home"], atol=1e-6)
+    states = arms.space.sample(np.random.default_rng(8), 40)
+    free, alone = arms.collision(TABLE).states_free(states), arms.view.collision(TABLE).states_free(arms.alone(states))
+    assert (alone & ~free).any() and free.any()
+    work = arms.motion.states(states.time)
+    for i in range(states.size):
+        both = [*(getattr(states, name)[i] for name in arms.joints), *(getattr(work, name)[i] for name in work.names)]
+        page.evaluate("(q) => hpopArm.set(q)", [float(value) for value in both])
+        pairs = page.evaluate("hpopArm.judge()")["collisions"]
+        assert (not pairs) == free[i]
+        if alone[i]:
+            assert all(sum(name.startswith("work/") for name in pair) == 1 for pair in pairs)
 
 
 @pytest.fixture(scope="module")

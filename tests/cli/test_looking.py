@@ -333,4 +333,4 @@ def test_look_writes_the_page_of_an_arms_scenario_and_refuses_it_for_a_base(
     assert json.loads(payload)["states"][0] == {"name": "start", "values": scenario["start"]}
     result = run("look", ARM.parent / "museum.geojson", "--web")
     assert result.exit_code == 9
-    assert "this page shows one arm that does not drive" in " ".join(result.stderr.split())
+    assert "this page shows an arm: a serial_arm, a mobile_arm or two_arms" in " ".join(result.stderr.split())

@@ -51,6 +51,8 @@ export interface Arm {
   readonly states: readonly { readonly name: string; readonly values: readonly number[] }[];
   /** Frame of each joint at value 0 in the frame before it; its z is the axis. */
   readonly origins: readonly Pose[];
+  /** Number of the frame before the frame of each joint: 0, the world, for the first joint of each arm. */
+  readonly parents: readonly number[];
   readonly bodies: readonly Body[];
   /** Numbers of the bodies that must not touch. */
   readonly pairs: readonly Point[];

@@ -301,7 +301,9 @@ export class Page {
       number.value = (value / size).toFixed(digits);
       slider.setAttribute("aria-valuetext", `${number.value} ${name === "°" ? "degrees" : name}`);
     });
-    this.text.value = `[${this.posture.values.map((value) => String(Number(value.toFixed(6)))).join(", ")}]`;
+    const work = this.arm.parents.indexOf(0, 1); // its joints are no part of a state
+    const own = work < 0 ? this.posture.values : this.posture.values.slice(0, work);
+    this.text.value = `[${own.map((value) => String(Number(value.toFixed(6)))).join(", ")}]`;
   }
 
   private move(): void {

@@ -73,13 +73,12 @@ export class Posture {
 
   /** Moves the joints to values, rad or m. */
   set(values: readonly number[]): void {
-    let frame: Flat = Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0);
-    this.frames = [frame];
+    this.frames = [Float64Array.of(1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0)];
     this.arm.joints.forEach((joint, k) => {
       const value = (this.values[k] = values[k] ?? 0);
       const [c, s] = joint.sliding ? [1, 0] : [Math.cos(value), Math.sin(value)];
-      frame = times(times(frame, this.origins[k]!), Float64Array.of(c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, joint.sliding ? value : 0));
-      this.frames.push(frame);
+      const base = times(this.frames[this.arm.parents[k]!]!, this.origins[k]!);
+      this.frames.push(times(base, Float64Array.of(c, -s, 0, 0, s, c, 0, 0, 0, 0, 1, joint.sliding ? value : 0)));
     });
   }
 
