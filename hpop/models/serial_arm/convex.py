@@ -28,6 +28,8 @@ SLACK = 1e-9
 """Distance, m, by which planes of a simpler hull are moved outwards, for floating-point errors."""
 LARGE = 1_000_000
 """Number of faces beyond which a hull is enclosed without being computed, and gaps are measured on some faces."""
+COARSE = 1 / 100
+"""Side of cells, as a share of a mesh's size, by which the vertices of a mesh with very many faces are grouped."""
 SAME = 1e-6
 """Tolerance for equal vertices, as a share of a mesh's size; many files repeat the vertices for each face."""
 
@@ -211,7 +213,8 @@ def around(points: FloatArray) -> ConvexBody | None:
     ends = np.concatenate([points.argmin(axis=0), points.argmax(axis=0)])
     if (inner := convex_body(np.concatenate([points[:: 1 + len(points) // SAMPLES], points[ends]]))) is None:
         return None
-    planes = _supporting(_unlike(enclosing(inner).planes)[:, :3], points)
+    normals = _unlike(enclosing(inner).planes)[:, :3]
+    planes = _supporting(normals, _outermost(points, normals))
     corners = HalfspaceIntersection(planes, inner.points.mean(axis=0)).intersections
     return convex_body(corners[np.isfinite(corners).all(axis=1)])
 
@@ -221,6 +224,19 @@ def _supporting(normals: FloatArray, points: FloatArray) -> FloatArray:
     parts = np.array_split(points, 1 + len(points) * len(normals) // 10**7)
     farthest = np.maximum.reduce([(part @ normals.T).max(axis=0) for part in parts])
     return np.column_stack([normals, -farthest - SLACK])
+
+
+def _outermost(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """Return those of very many points (N, 3) that may lie farthest in one of the directions (P, 3).
+
+    Points are grouped by cells of a grid. A cell is left out if all its points lie behind one point in each direction.
+    """
+    first, number, step = cells_of(points, COARSE)
+    along = points[first] @ normals.T
+    ahead = (np.rint(points[first] / step) * step) @ normals.T + 0.5 * (1.0 + SAME) * step * np.abs(normals).sum(axis=1)
+    outer = (ahead + SLACK >= along.max(axis=0)).any(axis=1)
+    chosen: FloatArray = points[outer[number]]
+    return chosen
 
 
 def _unlike(planes: FloatArray) -> FloatArray:
@@ -234,8 +250,7 @@ def merge_vertices(vertices: FloatArray, faces: IntArray, same: float = SAME) ->
 
     same  vertices of one cell of a grid with cells of this share of the mesh's size count as repeated
     """
-    size = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max()) or 1.0
-    first, number = _unique_rows(np.rint(vertices / (same * size)))
+    first, number, _ = cells_of(vertices, same, faces)
     corners = number[faces]
     solid = (corners != np.roll(corners, 1, axis=1)).all(axis=1)
     once, _ = _unique_rows(np.sort(corners[solid], axis=1))
@@ -244,14 +259,35 @@ def merge_vertices(vertices: FloatArray, faces: IntArray, same: float = SAME) ->
     return vertices[first][used], places.reshape(-1, 3)
 
 
+def cells_of(points: FloatArray, share: float, faces: IntArray | None = None) -> tuple[IntArray, IntArray, float]:
+    """Group points (N, 3) by cubic cells, whose middles are multiples of their side.
+
+    share  side of a cell, as a share of the size of all points; given ``faces`` (F, 3), of their corners
+
+    Returns the index of the first point of each cell, the number (N,) of each point's cell, and the side, m.
+    """
+    extent = np.ptp(points if faces is None else points[faces].reshape(-1, 3), axis=0)
+    step = share * (float(extent.max()) or 1.0)
+    return *_unique_rows(np.rint(points / step)), step
+
+
 def _unique_rows(rows: FloatArray | IntArray) -> tuple[IntArray, IntArray]:
     """Group equal rows among rows (N, 3) of whole numbers.
 
     Returns the index of the first row of each group, and the number (N,) of each row's group.
 
-    Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time.
+    Rows with numbers of up to 21 bits are packed into one number each, so that sorting takes a fifth of the time. A
+    table of all possible rows needs no sorting, if it is short.
     """
-    if len(rows) and (apart := rows - rows.min(axis=0)).max() < 1 << 21:
+    apart = rows - rows.min(axis=0) if len(rows) else rows
+    sides = (apart.max(axis=0, initial=0) + 1).astype(float)
+    if sides.prod() <= len(rows):
+        keys = apart.astype(np.int64) @ np.array([sides[1] * sides[2], sides[2], 1], np.int64)
+        table = np.full(int(sides.prod()), -1)
+        table[keys[::-1]] = np.arange(len(rows))[::-1]
+        used = table >= 0
+        return table[used], (np.cumsum(used) - 1)[keys]
+    if len(rows) and sides.max() <= 1 << 21:
         keys = apart.astype(np.int64) @ np.array([1 << 42, 1 << 21, 1])
         _, first, kind = np.unique(keys, return_index=True, return_inverse=True)
     else:

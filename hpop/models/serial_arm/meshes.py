@@ -19,10 +19,12 @@ from hpop.base.arrays import FloatArray
 from hpop.base.text import printable, shown
 from hpop.errors import MapError, ModelError, did_you_mean
 from hpop.models.serial_arm.convex import (
+    COARSE,
     LARGE,
     ConvexBody,
     Surface,
     around,
+    cells_of,
     convex_body,
     depth,
     enclosing,
@@ -171,8 +173,6 @@ WAYS: tuple[Way, ...] = ("hull", "decompose", "exact")
 """Ways to treat meshes that are not convex: their hull, a decomposition into convex pieces, or an error."""
 MOST_FACES = 10_000_000
 """Largest number of faces of a mesh."""
-COARSE = 1 / 100
-"""Cells, as a share of a mesh's size, whose vertices are joined in a mesh with very many faces before it is cut."""
 FINE = 20_000
 """Number of faces up to which the hull of a convex mesh is not simplified."""
 FEW = 64
@@ -323,9 +323,11 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
         raise ModelError(
             "meshes: decompose needs coacd, which is not installed; run pip install 'hpop[arm]', or give meshes: hull"
         )
-    if large := len(surface.faces) > LARGE:
-        surface = Surface(*merge_vertices(*surface))
-    vertices, faces = merge_vertices(*surface, COARSE) if large else surface
+    large, probes = len(surface.faces) > LARGE, surface
+    if large:  # one vertex for each cell decides to which piece a face is given
+        first, number, _ = cells_of(surface.vertices, COARSE / 2)
+        probes = Surface(surface.vertices[first], number[surface.faces])
+    vertices, faces = merge_vertices(*probes, COARSE) if large else surface
     data = vertices.astype("<f8").tobytes() + faces.astype("<i8").tobytes()
     options = {"vertices": len(vertices), "most": MOST_PIECES}
     try:
@@ -336,8 +338,11 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
     pieces = [body for part in np.split(answer.arrays["points"], ends) if (body := convex_body(part)) is not None]
     if not pieces:
         return [], "no pieces found, "
-    beyond = [_farthest(surface, enclosing(body, FEW) if large else body) for body in pieces]
-    owner = np.argmin(beyond, axis=0)
+    owner, least = np.zeros(len(surface.faces), np.int8), np.full(len(surface.faces), np.inf)
+    for place, body in enumerate(pieces):
+        beyond = _farthest(probes, enclosing(body, FEW) if large else body)
+        owner[beyond < least] = place
+        np.minimum(least, beyond, out=least)
     grown = []
     for number, body in enumerate(pieces):
         corners = surface.vertices[surface.faces[owner == number]].reshape(-1, 3)
