@@ -117,8 +117,8 @@ def _arm_of(robot: Model, world: World) -> tuple[SerialArm, ArmCollision]:
     arm = robot.view if isinstance(robot, TwoArms) else robot
     if not isinstance(arm, SerialArm):
         raise ModelError(
-            f"this page shows an arm: a serial_arm, a mobile_arm or two_arms, got a {robot.name}; draw pictures by hpop "
-            "look without --web"
+            f"this page shows an arm: a serial_arm, a mobile_arm or two_arms, got a {robot.name}; draw pictures by "
+            "hpop look without --web"
         )
     return arm, cast("ArmCollision", arm.collision(world))
 
