@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import shapely
@@ -89,14 +89,14 @@ def arm_payload(problem: Problem | SerialArm | MobileArm | TwoArms) -> dict[str,
     states, notes = _states(problem) if isinstance(problem, Problem) else ({}, [])
     named = {printable(name): values for name, values in robot.space.named.items() if printable(name) not in states}
     joints = [*_joints(collision.chain, world), *([] if work is None else _joints(work.work.chain, world, WORK))]
-    rest = tuple(min(max(0.0, one["low"]), max(one["low"], one["high"])) for one in joints)
-    states = {name: _of_joints(values, work) for name, values in {**states, **named}.items()}
+    rest = [min(max(0.0, one["low"]), max(one["low"], one["high"])) for one in joints]
+    placed = {name: _of_joints(values, work) for name, values in {**states, **named}.items()}
     return {
         "schema": SCHEMA,
         "version": VERSION,
         "title": printable(Path(arm.urdf).stem),
         "joints": joints,
-        "states": [{"name": name, "values": list(values)} for name, values in {**states, "all 0": rest}.items()],
+        "states": [{"name": name, "values": list(values)} for name, values in {**placed, "all 0": rest}.items()],
         **_collision(collision, work),
         "camera": _mount(collision.chain, "camera"),
         "tool": _mount(collision.chain, "tool"),
@@ -120,7 +120,7 @@ def _arm_of(robot: Model, world: World) -> tuple[SerialArm, ArmCollision]:
             f"this page shows an arm: a serial_arm, a mobile_arm or two_arms, got a {robot.name}; draw pictures by "
             "hpop look without --web"
         )
-    return arm, cast("ArmCollision", arm.collision(world))
+    return arm, arm.collision(world)
 
 
 def _joints(chain: Chain, world: World, prefix: str = "") -> list[dict[str, Any]]:
@@ -138,11 +138,12 @@ def _joints(chain: Chain, world: World, prefix: str = "") -> list[dict[str, Any]
 
 def _of_joints(values: Values, work: TwoArms | None) -> list[float]:
     """Return the values of all joints on the page in a state; those of a working arm follow from the state's time."""
+    numbers = [0.0 if value is None else float(value) for value in values]
     if work is None:
-        return list(values)
+        return numbers
     own = len(work.joints)
-    at = work.motion.states(np.array([values[-1] if len(values) > own else 0.0]))
-    return [*values[:own], *(float(getattr(at, name)[0]) for name in work.work.joints)]
+    at = work.motion.states(np.array([numbers[-1] if len(numbers) > own else 0.0]))
+    return [*numbers[:own], *(float(getattr(at, name)[0]) for name in work.work.joints)]
 
 
 def _collision(collision: ArmCollision, work: TwoArms | None) -> dict[str, Any]:

@@ -165,7 +165,7 @@ def test_two_arms_have_joints_of_both_on_the_page(opened: Open, tmp_path: Path) 
     page = shown(opened, hpop.Problem(TABLE, arms, "home", Anywhere(), ["rotation"]), tmp_path, size=(300, 200))
     assert page.locator("#joints input[type=range]").count() == 12
     copied = page.locator("label.values input").input_value()
-    assert np.allclose(json.loads(copied), arms.view.space.named["home"], atol=1e-6)
+    assert np.allclose(json.loads(copied), np.array(arms.view.space.named["home"], float), atol=1e-6)
     states = arms.space.sample(np.random.default_rng(8), 40)
     free, alone = arms.collision(TABLE).states_free(states), arms.view.collision(TABLE).states_free(arms.alone(states))
     assert (alone & ~free).any()

@@ -344,8 +344,8 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
         owner[beyond < least] = place
         np.minimum(least, beyond, out=least)
     grown = []
-    for number, body in enumerate(pieces):
-        corners = surface.vertices[surface.faces[owner == number]].reshape(-1, 3)
+    for place, body in enumerate(pieces):
+        corners = surface.vertices[surface.faces[owner == place]].reshape(-1, 3)
         within = np.concatenate([body.points, corners])
         grown.append((around(within) if large else None) or enclosing(_solid(within, path)))
     return grown, ""
