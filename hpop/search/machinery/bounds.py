@@ -301,14 +301,15 @@ def costs_of_least_paths(graph: Graph, source: int, h: IntArray, onward: NDArray
     vectors = np.zeros((k, k), np.int64)
     for j in range(k):
         if not graph.has_costs and h[j, source] < UNREACHABLE:
-            vectors[j] = _costs_of_path(graph, _path(onward[j], source), j, h[j])
+            nodes = path_onward(onward[j], source)
+            vectors[j] = costs_of_path(graph, nodes, j, h[j, nodes])
         elif h[j, source] < UNREACHABLE:
             arrays = (graph.indptr, graph.heads, graph.costs, _is_max(graph))
             clock.call(costs_of_least_path, *arrays, j, h[j], onward[j], source, vectors[j])
     return vectors[h[:, source] < UNREACHABLE]
 
 
-def _path(onward: NDArray[np.int32], source: int) -> IntArray:
+def path_onward(onward: NDArray[np.int32], source: int) -> IntArray:
     """Return the nodes of the path from a source that follows the next node ``onward`` (n,) of each node."""
     nodes = [source]
     while (node := int(onward[nodes[-1]])) >= 0:
@@ -316,20 +317,20 @@ def _path(onward: NDArray[np.int32], source: int) -> IntArray:
     return np.array(nodes, np.int64)
 
 
-def _costs_of_path(graph: Graph, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
+def costs_of_path(graph: Graph, nodes: IntArray, column: int, remaining: IntArray) -> IntArray:
     """Return all costs (k,) of a path through the given nodes (N,), which is least in the cost of ``column``.
 
     Of parallel arcs, the first one that gives this least cost is taken.
 
-    remaining  (n,)  least remaining cost of each node in this column
+    remaining  (N,)  least remaining cost of each of these nodes in this column
     """
     sizes = (graph.indptr[nodes + 1] - graph.indptr[nodes])[:-1]
     step, number = numbered(sizes)
     heads, costs = graph.ends_and_costs(graph.indptr[nodes[step]] + number)
     worst = np.array(graph.aggregates) == "max"
-    onward = nodes[step + 1]
-    paid = np.maximum(costs[:, column], remaining[onward]) if worst[column] else costs[:, column] + remaining[onward]
-    fits = np.flatnonzero((heads == onward) & (paid == remaining[nodes[step]]))
+    after = remaining[step + 1]
+    paid = np.maximum(costs[:, column], after) if worst[column] else costs[:, column] + after
+    fits = np.flatnonzero((heads == nodes[step + 1]) & (paid == remaining[step]))
     _, first = np.unique(step[fits], return_index=True)
     chosen = costs[fits[first]]
     total: IntArray = np.where(worst, chosen.max(axis=0, initial=0), chosen.sum(axis=0))

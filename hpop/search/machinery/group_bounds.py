@@ -153,6 +153,10 @@ class GroupSearches:
         calls = [(*search, end, distance) for search, distance in zip(self._searches, until.tolist(), strict=True)]
         return np.array(self.clock.call_all(settle_groups, calls), np.int64)
 
+    def distances(self) -> IntArray:
+        """Return for each search the least remaining cost (k, n) of each node so far."""
+        return self.h if _keeps_numbers(self.groups) else self.h.take(self.groups.new_number, axis=1)
+
     def results(self) -> tuple[IntArray, NDArray[np.int32]]:
         """Return for each search the least remaining cost (k, n) of each node so far, and its next node (k, n)."""
         return in_graph_numbers(self.groups, self.h, self.onward)

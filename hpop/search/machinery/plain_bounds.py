@@ -21,7 +21,9 @@ from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import (
     UNREACHABLE,
     costs_of_least_paths,
+    costs_of_path,
     lower_bounds,
+    path_onward,
     sort_arcs_by_head,
 )
 from hpop.search.machinery.group_bounds import GroupSearches, can_be_packed, memory_of_group_searches
@@ -173,13 +175,25 @@ def _bounds_with_groups(
         return np.empty((k, 0), np.int64), np.zeros((0, k), np.int64), status
     searches = GroupSearches(graph, targets, clock, groups)
     searches.settle(source, np.full(k, UNREACHABLE))
-    samples = costs_of_least_paths(graph, source, *searches.results(), clock)
+    samples = _samples_with_groups(graph, source, searches, clock)
     until = samples.max(axis=0) if len(samples) else np.full(k, UNREACHABLE)
     until[groups.column] = UNREACHABLE  # few turns lead almost everywhere; it finds the nodes that reach no target
     nearest = searches.settle(-1, until)
-    h, _ = searches.results()
+    h = searches.distances()
     _bound_open_nodes(h, nearest)
     return h, samples, clock.exceeded(0, memory)
+
+
+def _samples_with_groups(graph: Graph, source: int, searches: GroupSearches, clock: Clock) -> IntArray:
+    """Return all costs (k, k) of the best path for each cost, or (0, k), see :func:`.costs_of_least_paths`."""
+    if graph.has_costs:
+        return costs_of_least_paths(graph, source, *searches.results(), clock)
+    first, costs = searches.groups.new_number[source], []  # nodes keep the numbers of the groups, which takes no time
+    for j in range(graph.criteria):
+        if searches.h[j, first] < UNREACHABLE:
+            path = path_onward(searches.onward[j], first)
+            costs.append(costs_of_path(graph, searches.groups.nodes[path], j, searches.h[j, path]))
+    return np.array(costs, np.int64).reshape(-1, graph.criteria)
 
 
 def _bound_open_nodes(h: IntArray, nearest: IntArray) -> None:

@@ -60,8 +60,12 @@ def parts_of_arcs(
 
     nodes, rows  numbers of nodes and groups, see :class:`.Groups`
     """
-    if graph.has_costs or graph.base is not None or (nodes[:-1] > nodes[1:]).any():
-        yield (0, len(rows)), (0, graph.nodes), (graph.indptr, graph.heads, graph.costs)
+    whole = (0, len(rows)), (0, graph.nodes)
+    if graph.has_costs or graph.base is not None:
+        yield *whole, (graph.indptr, graph.heads, graph.costs)
+        return
+    if (nodes[:-1] > nodes[1:]).any():  # the arcs of a range of groups are no range
+        yield *whole, (graph.indptr, *graph.ends_and_costs(slice(None)))
         return
     ends, offsets = np.append(rows[:, OFFSET], graph.nodes), np.empty_like(graph.indptr)
     step = max(1, len(rows) * PART // max(1, graph.arcs))
