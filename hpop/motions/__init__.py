@@ -10,6 +10,14 @@ from __future__ import annotations
 
 from hpop.motions.batch import Motions
 from hpop.motions.bodies import Body, Instants, Rate, integrated
+from hpop.motions.collision import (
+    Collision,
+    JointCollision,
+    PlaneCollision,
+    Separations,
+    collision_of,
+    free_along,
+)
 from hpop.motions.laws import (
     HOLD,
     Coupled,
@@ -27,15 +35,9 @@ from hpop.motions.laws import (
 )
 from hpop.motions.model import (
     MODEL_DEFAULTS,
-    Collision,
-    JointCollision,
     Model,
     ModelInTime,
-    PlaneCollision,
-    Separations,
     Wheeled,
-    collision_of,
-    free_along,
     lacking,
     laws_of,
 )
