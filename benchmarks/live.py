@@ -138,6 +138,14 @@ def measure(address: str, bounds: tuple[float, ...], clicks: int, pushes: int) -
     }
 
 
+def machine() -> str:
+    """Return the name of the processor, and the number of its cores."""
+    about = Path("/proc/cpuinfo")
+    lines = about.read_text().splitlines() if about.exists() else []
+    names = [line.partition(": ")[2] for line in lines if line.startswith("model name")]
+    return f"{[*names, platform.machine()][0]}, {os.cpu_count()} cores"
+
+
 def main() -> None:
     """Measure each map, and print or write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
@@ -148,7 +156,7 @@ def main() -> None:
     parser.add_argument("--step", type=float, default=0.25)
     parser.add_argument("--out", type=Path)
     asked = parser.parse_args()
-    found: dict[str, Any] = {"machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"}
+    found: dict[str, Any] = {"machine": machine()}
     for name in asked.map:
         if name in maps.FOLDERS and (lacks := maps.missing(name)):
             print(f"{name}: {lacks}")
