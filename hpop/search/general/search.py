@@ -59,8 +59,8 @@ from hpop.search.machinery.slices import (
     ROWS,
     Clock,
 )
+from hpop.search.machinery.turns import CACHED, Groups
 from hpop.search.machinery.turns import SIZE as GROUP_SIZE
-from hpop.search.machinery.turns import Groups
 
 MAX_KEY = 2**WORD_BITS - 1
 
@@ -139,6 +139,11 @@ class General(HeapSearch):
             last = graph.layers * layer.nodes
             is_left_out = np.asarray(is_left_out[:last].reshape(graph.layers, -1).all(axis=0))
             is_last = np.asarray(is_last[:last].reshape(graph.layers, -1).max(axis=0))
+        key = ("arcs of general", self.order, self.dtype)
+        is_for_all = turn < 0 and self.layered is None and not is_left_out.any()  # targets do not matter
+        if is_for_all and key in graph.cache:
+            self.table, self.origin, self.start, self.plain = graph.cache[key]
+            return
         sizes = groups.rows[:, GROUP_SIZE]
         group = np.repeat(np.arange(len(sizes), dtype=np.int32), sizes)[groups.new_number[: layer.nodes]]
         self.table = np.empty((layer.arcs + (0 if added is None else len(added.heads)), 1 + len(columns)), self.dtype)
@@ -146,6 +151,8 @@ class General(HeapSearch):
         masks = is_left_out, is_last, turn, group
         arcs = layer.indptr, layer.heads, layer.costs, columns
         self.start, self.plain = clock.call(build_tables, *arcs, *masks, self.table, self.origin)
+        if is_for_all and clock.budget.max_memory is None and self.table.nbytes <= CACHED:
+            graph.cache[key] = self.table, self.origin, self.start, self.plain
         if self.layered is not None and added is not None:
             m, ends = int(self.start[-1]), graph.nodes - last
             self.table = self.table[: m + len(added.heads)]
@@ -193,6 +200,7 @@ class General(HeapSearch):
         ``groups`` have no effect, as the turns of groups are arcs like all others here.
         """
         assert self.layered is None
+        self.table = self.table.copy()  # other searches may use it
         rows = np.flatnonzero(arcs[self.origin[: self.start[-1]]])
         self.table[rows, 0] = np.searchsorted(self.start, rows, side="right") - 1
 
