@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 QUICK = 0.1  # s: least time for a search before the exact one
 SHARE = 0.4  # of the building time, if that is longer: the building time also reflects the load of the machine
 COARSE = 0.1  # relative error allowed in the last stage before the exact one
+MOST_COPIED = (
+    40_000_000  # arcs of a graph whose costs are copied for weighted sums, if a part of it was searched before
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -308,11 +311,12 @@ class ExactSearch:
                 with spending.paused():
                     yield _as_stage_of_part(exact, built.part) if built.part else exact
                 return
-        candidates = query.first_answer(self.name, share, quickly=is_first_kernel_missing() and not is_second)
-        with spending.paused():
-            yield candidates
-        if candidates.status is Status.INTERRUPTED:
-            return
+        if not (is_second and query.graph.arcs > MOST_COPIED and not query.graph.has_costs):
+            candidates = query.first_answer(self.name, share, quickly=is_first_kernel_missing() and not is_second)
+            with spending.paused():
+                yield candidates
+            if candidates.status is Status.INTERRUPTED:
+                return
         start_compilers()
         ordered = in_order_of_shortest(self, query, spending.share(query.build_seconds))
         if ordered is not None:
