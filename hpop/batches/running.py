@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import math
 import platform
-import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
@@ -32,14 +31,10 @@ from hpop.planners.base import Planner, PlannerSpec
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.interrupts import interrupts_held
+from hpop.runtime.limits import peak_memory
 from hpop.runtime.status import Status
 from hpop.runtime.sweep import Sweep, processes
 from hpop.world import World
-
-try:
-    import resource
-except ImportError:  # not on every system
-    resource = None  # type: ignore[assignment]
 
 SLOTS = 32  # number of cases sent at once to an executor that does not report its number of workers
 POLL = 0.1  # s between two checks for Ctrl-C
@@ -113,7 +108,7 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         "error": error,
         "seconds": time.perf_counter() - wall,
         "processor_seconds": time.process_time() - processor,
-        "memory": _peak_memory(),
+        "memory": peak_memory(),
         "seed": next((planner.seed for planner in task.planners if planner.seed is not None), None),
         "versions": VERSIONS,
     }
@@ -138,14 +133,6 @@ def solve(shared: Setting, task: CaseTask) -> list[dict[str, Any]]:
         }
         for point in front
     ]
-
-
-def _peak_memory() -> int | None:
-    """Return the peak memory of this process in bytes; None if the system does not report it."""
-    if resource is None:
-        return None
-    unit = 1 if sys.platform == "darwin" else 1024
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
 
 
 def batch(

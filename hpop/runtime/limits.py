@@ -4,12 +4,13 @@ A map is read before there is a problem to plan. Distance grids and integrals ar
 them, by code that does not know the planner's limits. Long work is therefore done in parts, and between two parts it
 checks the limits of the surrounding block (:func:`within`). Outside of such a block there are no limits.
 
-Also here: a limit of the threads of linear algebra.
+Also here: the memory of this process, and a limit of the threads of linear algebra.
 """
 
 from __future__ import annotations
 
 import ctypes
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -17,6 +18,11 @@ from functools import cache
 from importlib import import_module
 from threading import Lock
 from typing import Any, Protocol
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
 
 READING = "the map was read"
 
@@ -114,3 +120,11 @@ def _openblas() -> Any:
     except (ImportError, OSError):
         return None
     return found if hasattr(found, SET_THREADS) and hasattr(found, GET_THREADS) else None
+
+
+def peak_memory() -> int | None:
+    """Return the peak memory of this process in bytes; None if the system does not report it."""
+    if resource is None:
+        return None
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
