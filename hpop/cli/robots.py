@@ -190,6 +190,33 @@ def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, **giv
     echo("goals are no longer driven")
 
 
+@ros.command()
+@click.argument("file", type=click.Path(path_type=Path))
+@click.option("--url", required=True, metavar="URL", help="Websocket of rosbridge, such as ws://localhost:9090.")
+@click.option("--action", default="", metavar="NAME", help="Action of the controller. [the usual one of its type]")
+@user_errors
+def send(file: Path, url: str, action: str) -> None:
+    """Send an arm's trajectory to its controller or to MoveIt, and wait for the result.
+
+    FILE is a goal that `hpop export --body joints` wrote: NAME.follow.yaml for FollowJointTrajectory, NAME.moveit.yaml
+    for ExecuteTrajectory. Ctrl-C cancels the goal. The arm must stand at the start of the trajectory.
+    """
+    from hpop.ros.sending import ArmGoal, GoalSender
+
+    ends: list[str] = []
+
+    def ended(why: str) -> None:
+        ends.append(why)
+        bridge.stop()
+
+    sender = GoalSender(ArmGoal.from_file(file, action), ended, say=echo)
+    bridge = hpop.ros.Bridge(url, sender, say=echo)
+    bridge.run()
+    if ends[0]:
+        raise OutputError(ends[0])
+    echo("the goal was reached")
+
+
 def _rehearse(planning: GoalPlanner, scenario: Path) -> None:
     """Plan the scenario, so that code is compiled and errors are reported before a robot waits."""
     with progress_bar() as progress:

@@ -49,7 +49,16 @@ OTHERS = {
     "nav2_msgs/msg/CostmapFilterInfo": "std_msgs/Header header\nuint8 type\nstring filter_mask_topic\nfloat32 base\n"
     "float32 multiplier\n",
 }
+ARM_GOALS = {
+    "moveit_msgs/msg/RobotTrajectory": "trajectory_msgs/JointTrajectory joint_trajectory\n"
+    "trajectory_msgs/MultiDOFJointTrajectory multi_dof_joint_trajectory\n",
+    "moveit_msgs/action/ExecuteTrajectory_Goal": "moveit_msgs/RobotTrajectory trajectory\nstring[] controller_names\n",
+    "control_msgs/action/FollowJointTrajectory_Goal": "trajectory_msgs/JointTrajectory trajectory\n"
+    "trajectory_msgs/MultiDOFJointTrajectory multi_dof_trajectory\nbuiltin_interfaces/Duration goal_time_tolerance\n",
+}  # moveit_msgs of MoveIt 2; control_msgs without its lists of tolerances, which default to none
 MUST = {
+    "send_action_goal": {"action": str, "id": str, "action_type": str, "args": dict},
+    "cancel_action_goal": {"action": str, "id": str},
     "advertise": {"topic": str, "type": str},
     "unadvertise": {"topic": str},
     "publish": {"topic": str, "msg": dict},
@@ -97,9 +106,12 @@ class FakeBridge:
                 self.store.register(get_types_from_msg(text, f"nav2_msgs/action/{name}_{part}"))
         for name, text in OTHERS.items():
             self.store.register(get_types_from_msg(text, name))
+        for name, text in ARM_GOALS.items():
+            self.store.register(get_types_from_msg(text, name))
         self.changed = Condition()
         self.clients: list[Client] = []
         self.connections = 0
+        self.sent: list[tuple[str, dict[str, Any]]] = []  # goals of clients, and their cancellations
         self.published: list[tuple[str, Any]] = []
         self.log: list[str] = []
         self._count = 0
@@ -205,6 +217,10 @@ class FakeBridge:
             client.heard[message["topic"]] = message
         elif op == "unsubscribe":
             del client.heard[message["topic"]]
+        elif op in ("send_action_goal", "cancel_action_goal"):
+            if op == "send_action_goal":
+                message["args"] = self.populated(f"{message['action_type']}_Goal", message["args"])
+            self.sent.append((op, message))
         elif op == "advertise_action":
             assert f"{message['type']}_Result" in self.store.fielddefs, message["type"]
             client.actions[message["action"]] = message["type"]
@@ -238,7 +254,12 @@ class FakeBridge:
             if code.name == "NAME":
                 made[name] = self.populated(of, values.get(name, {}))
             elif code.name == "SEQUENCE":
-                made[name] = [self.populated(of[0][1], one) for one in values.get(name, [])]
+                code, inner = of[0]
+                kinds = {"string": str, "float64": float}
+                made[name] = [
+                    self.populated(inner, one) if code.name == "NAME" else kinds[inner[0]](one)
+                    for one in values.get(name, [])
+                ]
             else:
                 kinds = {"string": str, "bool": bool, "float64": float, "float32": float}
                 wanted = kinds.get(of[0], int)
