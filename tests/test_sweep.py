@@ -362,6 +362,7 @@ def cluster() -> Iterator[Any]:
         yield local
 
 
+@pytest.mark.proof
 def test_dask_workers_find_the_same(cluster: Any) -> None:
     graph = sphere(30)
     with dask(cluster.scheduler_address) as executor:

@@ -187,7 +187,10 @@ def test_only_the_alternative_that_asks_for_it_is_approached():
 @pytest.mark.parametrize(
     ("place", "approach", "reason"),
     [
-        ((0.65, 0.1, 0.45), {"distance": 0.2, "direction": (0, 0, 1)}, r"\d+ the approach is blocked"),  # from below
+        pytest.param(  # from below
+            *((0.65, 0.1, 0.45), {"distance": 0.2, "direction": (0, 0, 1)}, r"\d+ the approach is blocked"),
+            marks=pytest.mark.proof,
+        ),
         ((0.62, 0.0, 0.75), {"distance": 0.6, "direction": (-1, 0, 0)}, r"\d+ have no states on the line"),
     ],
 )

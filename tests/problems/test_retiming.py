@@ -155,7 +155,8 @@ def test_dense_samples_keep_the_limits_and_the_path(seed):
         assert shapely.distance(line, shapely.points(at.x, at.y)).max() < 1e-6
 
 
-@pytest.mark.seeds(1, of=[1, 0, *range(2, 20)])
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(20))
 def test_an_arm_keeps_the_limits_of_its_joints_on_dense_samples(seed):
     path = reaches(seed) if seed % 2 else splined(seed)[0]
     front = hpop.retime(asked(path, ["rotation"]), path, points=3)

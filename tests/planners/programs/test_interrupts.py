@@ -64,7 +64,7 @@ def planner(request):
 MORE = [pytest.param(share, marks=pytest.mark.proof) for share in (0.02, 0.1, 0.5, 0.9)]
 
 
-@pytest.mark.parametrize("share", [0.0, 0.01, *MORE])
+@pytest.mark.parametrize("share", [0.0, pytest.param(0.01, marks=pytest.mark.proof), *MORE])
 def test_ctrl_c_in_a_callback_is_ctrl_c(monkeypatch, planner, share):
     planner, count = planner
     calls = Calls(monkeypatch, 1 + int(share * count))

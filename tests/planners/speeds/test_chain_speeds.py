@@ -184,6 +184,7 @@ def test_a_list_of_one_share_is_that_share_bit_for_bit() -> None:
     assert one.certificate == listed.certificate
 
 
+@pytest.mark.proof
 def test_a_tour_of_an_arm_chooses_speeds_and_stands_at_its_stops() -> None:
     world, start, goal = ENDS[ARM]
     tour = {"order": "any", "stops": [{"look_at": {"target": [0.9, 0.9, 0.3], "distance": [0.2, 1.5]}, "dwell": 2}]}

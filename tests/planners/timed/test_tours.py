@@ -184,7 +184,7 @@ CASES = {
         (person(1.0, 0.0, -0.4, until=1.0),), stops=(((1, 0), 0.4, False), ((1, 0), 0.6, False))
     ),
 }
-FEW = ("crosses two stops", "crosses two optional stops")
+FEW = ("crosses two stops",)
 
 
 @pytest.mark.cases(*FEW)
@@ -412,6 +412,7 @@ def test_a_stop_behind_walls_is_named_among_people_too() -> None:
     assert any("stop 'hall' cannot be reached from the start" in note for note in front.notes)
 
 
+@pytest.mark.proof
 def test_limits_precision_and_checkpoints_work_as_without_a_tour(tmp_path: Path) -> None:
     problem = toured([HALL, CASE])
     exact = problem.solve("lattice", step=0.5)
