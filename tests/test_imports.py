@@ -23,8 +23,13 @@ def unexplained(source: str) -> list[int]:
     lines = ["", *source.splitlines()]
     if any(line.startswith("#") and "imported inside functions" in line for line in lines):
         return []
-    if not any(line.lstrip().startswith(("from hpop", "import hpop", "from .")) for line in lines if line[:1] == " "):
-        return []  # quick
+    top, of_functions = "", False  # quick: most imports that are indented are those for type checkers
+    for line in lines:
+        top = top if line[:1] in ("", " ", "#") else line
+        is_import = line[:1] == " " and line.lstrip().startswith(("from hpop", "import hpop", "from ."))
+        of_functions |= is_import and not top.startswith("if TYPE_CHECKING")
+    if not of_functions:
+        return []
     functions = [f for f in ast.walk(ast.parse(source)) if isinstance(f, ast.FunctionDef | ast.AsyncFunctionDef)]
     imports = {
         node.lineno: int(node.end_lineno or 0)
