@@ -219,6 +219,15 @@ def around(points: FloatArray) -> ConvexBody | None:
     return convex_body(corners[np.isfinite(corners).all(axis=1)])
 
 
+def sticking_out(surface: Surface, body: ConvexBody) -> FloatArray:
+    """Return how far, m, each face (F,) of a mesh sticks out of the planes of a convex body."""
+    out = np.empty(len(surface.vertices))
+    for part in np.array_split(np.arange(len(out)), 1 + len(out) * len(body.planes) // 10**7):
+        out[part] = (surface.vertices[part] @ body.planes[:, :3].T + body.planes[:, 3]).max(axis=1)
+    farthest: FloatArray = np.maximum(out, 0.0)[surface.faces].max(axis=1)
+    return farthest
+
+
 def _supporting(normals: FloatArray, points: FloatArray) -> FloatArray:
     """Return the planes (P, 4) with these normals that all points are behind; they touch the points but for a slack."""
     parts = np.array_split(points, 1 + len(points) * len(normals) // 10**7)

@@ -32,6 +32,7 @@ from hpop.models.serial_arm.convex import (
     is_convex,
     merge_vertices,
     pieces_of,
+    sticking_out,
 )
 from hpop.models.serial_arm.urdf import Robot, UrdfMesh
 from hpop.models.serial_arm.xml import XmlFile, file_bytes
@@ -340,7 +341,7 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
         return [], "no pieces found, "
     owner, least = np.zeros(len(surface.faces), np.int8), np.full(len(surface.faces), np.inf)
     for place, body in enumerate(pieces):
-        beyond = _farthest(probes, enclosing(body, FEW) if large else body)
+        beyond = sticking_out(probes, enclosing(body, FEW) if large else body)
         owner[beyond < least] = place
         np.minimum(least, beyond, out=least)
     grown = []
@@ -349,15 +350,6 @@ def _decomposed(surface: Surface, path: Path) -> tuple[list[ConvexBody], str]:
         within = np.concatenate([body.points, corners])
         grown.append((around(within) if large else None) or enclosing(_solid(within, path)))
     return grown, ""
-
-
-def _farthest(surface: Surface, body: ConvexBody) -> FloatArray:
-    """Return how far, m, each face (F,) of a mesh sticks out of the planes of a convex body."""
-    out = np.empty(len(surface.vertices))
-    for part in np.array_split(np.arange(len(out)), 1 + len(out) * len(body.planes) // 10**7):
-        out[part] = (surface.vertices[part] @ body.planes[:, :3].T + body.planes[:, 3]).max(axis=1)
-    farthest: FloatArray = np.maximum(out, 0.0)[surface.faces].max(axis=1)
-    return farthest
 
 
 def _filled(surface: Surface, bodies: Sequence[ConvexBody], reason: str) -> MeshHulls:
