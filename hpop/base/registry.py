@@ -261,4 +261,18 @@ def _model_from(given: Any) -> Any:
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
     """Return the robot model of a name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
-    return plugin_from_spec(models, spec)
+    return plugin_from_spec(models, _in_a_view(spec))
+
+
+def _in_a_view(spec: Any) -> Any:
+    """Return a model's description without the former options ``view`` and ``view_yaw`` of a differential drive.
+
+    Scenarios and saved fronts of earlier versions have them; an unwound view becomes the model "view" round the robot.
+    """
+    drive = spec.get("differential_drive") if isinstance(spec, Mapping) and len(spec) == 1 else None
+    if not isinstance(drive, Mapping) or drive.get("view", "") not in ("fixed", "unwound"):
+        return spec
+    robot = {"differential_drive": {name: drive[name] for name in drive if name not in ("view", "view_yaw")}}
+    if drive["view"] == "fixed":
+        return robot
+    return {"view": {"model": robot, "turning": "unwound", "yaw": drive.get("view_yaw", 0.0)}}

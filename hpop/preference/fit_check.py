@@ -7,8 +7,9 @@ process (Chu and Ghahramani 2005, "Preference learning with Gaussian processes",
 weighted sum. Each question of the test compares the best row with a challenger: a row that the Gaussian process
 expects to be better, and the weighted sum expects to be worse.
 
-The *doubt* is the number of questions that the best row lost, plus half the logarithm of the ratio of the evidence of
-the Gaussian process to that of the weighted sum. Above :data:`MOST_DOUBT` the weighted sum does not fit.
+The *doubt* is the number of questions that the best row lost beyond the number that the weighted sum expects, plus the
+logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum. Above :data:`MOST_DOUBT`
+the weighted sum does not fit.
 """
 
 from __future__ import annotations
@@ -30,8 +31,8 @@ from hpop.preference.preference import Preference
 
 CHECKS = 6
 """Number of questions of a test."""
-MOST_DOUBT = 1.5
-"""Doubt above which a weighted sum does not fit; at most some 5 % of people whom it fits have more."""
+MOST_DOUBT = 2.0
+"""Doubt above which a weighted sum does not fit; some 5 % of people whom it fits have more."""
 SPREADS = tuple((plain, bent, length) for plain in (5.0, 15.0) for bent in (4.0, 10.0) for length in (0.2, 0.5))
 """Settings of the Gaussian process, equally probable before any answer: standard deviations of the weights and of the
 smooth function, and the length over which it changes, as a share of the costs' ranges."""
@@ -116,6 +117,12 @@ class FitCheck:
         """Number of questions of the test that the best row lost; "no difference" counts as half."""
         return sum(0.5 if a.chosen is None else float(a.chosen != self.row) for a in self.answers)
 
+    @property
+    def expected(self) -> float:
+        """Number of questions of the test that the weighted sum expects the best row to lose, before their answers."""
+        challengers = [a.first + a.second - self.row for a in self.answers]
+        return float((1.0 - self._chances_to_win()[challengers]).sum())
+
     @cached_property
     def evidence_ratio(self) -> float:
         """Logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum.
@@ -128,7 +135,7 @@ class FitCheck:
     @property
     def doubt(self) -> float:
         """Return the doubt whether a weighted sum describes the person; see the module."""
-        return self.lost + 0.5 * self.evidence_ratio
+        return self.lost - self.expected + self.evidence_ratio
 
     @property
     def fits(self) -> bool:
@@ -244,9 +251,16 @@ class FitCheck:
         ratio = mean / deviation
         density = np.exp(-0.5 * ratio**2) / np.sqrt(2.0 * np.pi)
         improvement = mean * np.exp(log_ndtr(ratio)) + deviation * density
+        return np.asarray(improvement * self._chances_to_win())
+
+    def _chances_to_win(self) -> FloatArray:
+        """Return the probability (m,) by the weighted sum that the person chooses the best row and not each other row.
+
+        It is that before the test.
+        """
         draws = self.person.equal_draws()
-        wins = expit((self._rows[self.row] - self._rows) @ draws.weights.T).mean(axis=1)
-        return np.asarray(improvement * (1.0 - (LAPSE / 2 + (1.0 - LAPSE) * wins)))
+        wins = expit((self._rows - self._rows[self.row]) @ draws.weights.T).mean(axis=1)
+        return np.asarray(LAPSE / 2 + (1.0 - LAPSE) * wins)
 
     def _evidence_of_sum(self, scale: CostScale) -> float:
         """Return the logarithm of the probability of all answers for people of the prior, with costs on a scale."""

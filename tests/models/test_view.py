@@ -240,6 +240,10 @@ def test_a_view_that_makes_no_sense_is_refused(said) -> None:
         hpop.ViewModel(**REFUSED[said])
 
 
-def test_the_former_option_of_a_drive_names_the_view() -> None:
+def test_former_options_of_a_drive_in_files_become_a_view() -> None:
+    drive = hpop.DifferentialDrive(radius=0.4)
+    assert make_model({"differential_drive": {"radius": 0.4, "view": "fixed", "view_yaw": 0.0}}) == drive
+    unwound = make_model({"differential_drive": {"radius": 0.4, "view": "unwound", "view_yaw": 0.5}})
+    assert unwound == hpop.ViewModel(drive, "unwound", yaw=0.5)
     with pytest.raises(ModelError, match=r"has no parameter 'view'.*wrap the robot in a view"):
-        make_model({"differential_drive": {"view": "unwound"}})
+        make_model({"differential_drive": {"view": "turned"}})

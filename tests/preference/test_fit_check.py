@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hpop.errors import StudyError
 from hpop.frontier import ItemFront
 from hpop.preference import FitCheck, Preference, Prior
 from hpop.preference.fit_check import CHECKS, laplace
+from hpop.scenario import load_scenario
 from tests import preferring as people
 
 Answer = Callable[[int, int], int]
@@ -105,9 +107,9 @@ def test_a_test_needs_answers_and_its_own_row():
 
 
 @pytest.mark.proof
-def test_four_of_five_people_with_regrets_are_found_at_one_false_alarm_in_twenty():
-    """People err as the model says. Bounds leave room for chance: 200 people who fit, some 60 who do not."""
-    front = people.front(158)
+def test_three_of_four_people_with_regrets_in_the_museum_are_found_at_one_false_alarm_in_twenty():
+    """People err as the model says. Bounds leave room for chance: 200 people who fit, some 40 who do not."""
+    front = load_scenario(Path(__file__).parents[2] / "examples" / "museum.yaml").problem.solve("lattice", step=0.25)
     alarms, found = [], []
     for seed in range(200):
         rng = np.random.default_rng([seed, 8])
@@ -124,9 +126,9 @@ def test_four_of_five_people_with_regrets_are_found_at_one_false_alarm_in_twenty
         check = after_a_test(person, erring(rng, loss, sharpness[0]))
         if loss[check.row] - loss.min() > 0.1:
             found.append(not check.fits)
-    assert sum(alarms) <= 17  # at 5 %: more by chance once in 100 times
+    assert sum(alarms) <= 20  # at 5 %: more by chance once in 1,000 times
     assert len(found) >= 30
-    assert np.mean(found) >= 0.8
+    assert np.mean(found) >= 0.7
 
 
 def erring(rng: np.random.Generator, loss: FloatArray, sharpness: float) -> Answer:
