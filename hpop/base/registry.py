@@ -261,10 +261,10 @@ def _model_from(given: Any) -> Any:
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:
     """Return the robot model of a name or ``{name: {parameter: value}}``; raise UnknownName or ModelError."""
-    return plugin_from_spec(models, _in_a_view(spec))
+    return plugin_from_spec(models, in_a_view(spec))
 
 
-def _in_a_view(spec: Any) -> Any:
+def in_a_view(spec: Any) -> Any:
     """Return a model's description without the former options ``view`` and ``view_yaw`` of a differential drive.
 
     Scenarios and saved fronts of earlier versions have them; an unwound view becomes the model "view" round the robot.

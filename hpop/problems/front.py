@@ -13,7 +13,7 @@ import numpy as np
 from hpop import frontier
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, copied
-from hpop.base.registry import GROUPS, make_model
+from hpop.base.registry import GROUPS, in_a_view, make_model
 from hpop.base.table import facts_html, picture_html, table_html
 from hpop.base.text import is_whole, shown
 from hpop.errors import DriveError, ModelError, did_you_mean
@@ -254,9 +254,10 @@ class Front(frontier.ItemFront[Trajectory]):
 def question_of(problem: Mapping[str, Any]) -> dict[str, Any]:
     """Return the description of a problem without the paths of its files, whose hashes identify them.
 
-    Descriptions of one problem are then equal wherever its files lie.
+    Descriptions of one problem are then equal wherever its files lie, and whichever version of hpop wrote them.
     """
-    return _changed(problem, without_places, files.without_paths)
+    described = _changed(problem, without_places, files.without_paths)
+    return {**described, "model": in_a_view(described["model"])} if "model" in described else described
 
 
 def _stored_model(path: str | os.PathLike[str], problem: Mapping[str, Any] | None) -> Model:

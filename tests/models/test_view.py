@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -247,3 +248,13 @@ def test_former_options_of_a_drive_in_files_become_a_view() -> None:
     assert unwound == hpop.ViewModel(drive, "unwound", yaw=0.5)
     with pytest.raises(ModelError, match=r"has no parameter 'view'.*wrap the robot in a view"):
         make_model({"differential_drive": {"view": "turned"}})
+
+
+def test_a_front_saved_with_the_former_view_is_one_of_its_problem() -> None:
+    world = hpop.World.from_polygons([shapely.box(4, 1, 5, 3)], extent=shapely.box(0, 0, 9, 4))
+    robot = hpop.ViewModel(hpop.DifferentialDrive(), "unwound", yaw=0.5)
+    problem = hpop.Problem(world, robot, (1, 2, 0), (8, 2, 0), ["rotation", "length"])
+    front = problem.solve("lattice", step=1.0)
+    drive = dict(front.problem["model"]["view"]["model"]["differential_drive"], view="unwound", view_yaw=0.5)
+    former = replace(front, problem={**front.problem, "model": {"differential_drive": drive}})
+    assert problem.evaluate(former).costs.tolist() == front.costs.tolist()
