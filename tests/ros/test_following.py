@@ -16,8 +16,10 @@ from hpop.ros import Interface, PlanarPose, planar_pose
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
 from hpop.ros.observations import FilterScale, OccupancyGrid
+from hpop.simulation import Command, SimulatedBase
 from hpop.world import Person
 from tests.ros.robot import AtOnce, Robot, Trip
+from tests.simulation.rooms import ROBOT, room
 
 GOAL = PlanarPose(7.0, 5.0, 0.0, "map")
 RADIUS = 0.2
@@ -276,3 +278,48 @@ def test_with_delay_noise_and_people_it_arrives_and_touches_neither_walls_nor_pe
     assert ended[0].reached
     assert min(gaps) > 0.0
     assert shapely.LineString(robot.passed).distance(world.raster.solid()) > 0.25
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(300))
+def test_in_random_rooms_it_stays_near_its_plan_keeps_its_limits_and_touches_nothing(seed: int) -> None:
+    """Rooms, delays, slips and noises of the simulator's proof; people walk straight on, and wait before the robot."""
+    problem, disturbances, _ = room(seed)
+    planner = FollowPlanner(problem, [Lattice(step=0.5, eps=0.05, time_limit=10.0)], Interface())
+    follower = Follower(planner, FollowSettings(delay=disturbances["delay"], patience=20.0), AtOnce())
+    base = SimulatedBase(problem.model, tuple(problem.start), **disturbances, seed=seed)
+    people = problem.world.content.people
+    places = np.array([(person.x, person.y) for person in people]).reshape(-1, 2)
+    velocities = np.array([person.velocity for person in people]).reshape(-1, 2)
+    x, y, _ = problem.goal
+    follower.follow("a", [PlanarPose(x, y, 0.0, "map")], 0.0)
+    radius, limits, ended, last, off = ROBOT.radius, follower.limits, list[Ended](), Command(0.0, 0.0), 0.0
+    walls = shapely.union_all([obstacle.polygon for obstacle in problem.world.obstacles])
+    for i in range(4000):
+        now = 0.05 * i
+        apart = np.hypot(*(places - base.pose[:2]).T)
+        assert not len(places) or apart.min() > radius + 0.25
+        assert not walls.distance(shapely.Point(base.pose[:2])) <= radius  # NaN in an empty room
+        moving = np.where((apart < radius + 0.25 + 0.7)[:, None], 0.0, velocities)
+        follower.located(PlanarPose(*base.measured, "map"), now)
+        follower.saw([Person(*at, velocity=tuple(v)) for at, v in zip(places, moving, strict=True)], now)
+        step = follower.step(now)
+        command = step.command or Command(0.0, 0.0)
+        for was, given, speed, change in zip(
+            last,
+            command,
+            (limits.speed, limits.turn_rate),
+            (limits.acceleration, limits.turn_acceleration),
+            strict=True,
+        ):
+            assert abs(given) <= speed + 1e-9
+            assert abs(given - was) <= 0.05 * change + 1e-6
+        last, off = command, max(off, follower.state(now)["off"])
+        ended += [event for event in step.events if isinstance(event, Ended)]
+        if ended:
+            break
+        base.command(*command, now)
+        base.advance(now + 0.05)
+        places = places + 0.05 * moving
+    assert off <= 0.5
+    assert ended[0].reached or "no path" in ended[0].words or "blocked" in ended[0].words, ended
