@@ -311,7 +311,9 @@ def checked_goal(given: Any, space: StateSpace) -> Values | Goal:
 
 @checked_arguments
 def is_named(given: Any) -> bool:
-    """Return whether a value has the form of a goal by name: ``{name: {parameter: value}}``, the name known or not.
+    """Return whether a value has the form of a goal by name, ``{name: {parameter: value}}``, even of an unknown name.
+
+    ``{name: anything}`` has it too if the name is that of a registered goal.
 
     >>> is_named({"look_at": {"target": [1, 0, 0.5], "distance": [0.2, 0.4]}}), is_named({"x": 1.0})
     (True, False)

@@ -55,7 +55,7 @@ class Ramps(NamedTuple):
     def of(cls, model: Model) -> Ramps | None:
         """Return the ramps of a model that executes moves as :class:`Run`; None for models that do not.
 
-        With several speeds, plans contain the waits as changes of speed, so that ``half`` is 0.
+        ``half`` is 0 for a base with several speeds: the changes of speed in its plans take this time already.
         """
         if model.speed_classes and CHANGE in model.laws:
             change: Any = model.laws[CHANGE]
@@ -82,7 +82,8 @@ def rest_to_rest_execution(planned: Trajectory, executed: Mapping[str, str]) -> 
     executed  the kind of law that executes each planned kind; motions of other kinds are executed as planned
 
     Consecutive motions along one straight line become one motion if they turn by equal angles per metre. If nothing
-    changes, the plan itself is returned. In the execution of a punctual plan no motion begins before its planned time.
+    changes, the plan itself is returned. In the execution of a plan that must keep its times (``punctual``), no
+    motion begins before its planned time.
     """
     if planned.punctual:  # motions planned from rest to rest keep their times
         executed = {kind: becomes for kind, becomes in executed.items() if becomes != kind}

@@ -128,7 +128,10 @@ def carried_point(
 def _after_slide(
     found: CarriedPoint, name: str, axis: int, states: States, rates: States | None, changes: States | None
 ) -> CarriedPoint:
-    """Return a point after a slide along an axis (0 or 1): the state ``name`` is added to its coordinate."""
+    """Return ``found`` after a slide along an axis (0 or 1): the state ``name`` is added to this coordinate.
+
+    Its velocity and acceleration change by the rate and the second derivative of the state, where given.
+    """
     columns = []
     for old, source in zip(found, (states, rates, changes), strict=True):
         new = list(old)
@@ -146,7 +149,7 @@ def _after_turn(
     rates: States | None,
     changes: States | None,
 ) -> CarriedPoint:
-    """Return a point after a rotation about the position ``at`` by the angle in the state ``name``.
+    """Return ``found`` after a rotation about the position ``at`` by the angle in the state ``name``.
 
     With d its offset from ``at``, R the rotation, w the rate of the angle and J a quarter turn, the new position is
     at + R d and the new velocity R d' + w J R d. The acceleration is the derivative of the velocity.

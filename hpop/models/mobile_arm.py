@@ -183,10 +183,10 @@ class MobileArm(OnBase, Model):
 
     @cached_property
     def laws(self) -> Mapping[str, Law]:
-        """Motion laws: those that the base executes, except curves, with a run at each speed; reaches; and ramps.
+        """Motion laws: the executed laws of the base, except curves; reaches of the arm; and ramps of base and arm.
 
-        Reaches move the arm. Only ramps, which are laws of free speed, need not begin and end at rest
-        (:mod:`hpop.models.ramps`).
+        For a base with several speeds, there is a run (straight move from rest to rest) for each speed. Only ramps may
+        begin or end in motion (:mod:`hpop.models.ramps`).
         """
         base = self.base
         kinds = [base.executed.get(kind, kind) for kind, law in base.laws.items() if not is_curve(law)]

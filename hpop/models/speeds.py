@@ -156,7 +156,8 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
 
     executed  law of execution by planned law, "run" for moves; motions of other laws are executed as planned
 
-    In the execution of a punctual plan, each straight run lies in the middle of its planned time.
+    In the execution of a plan that must keep its times (``punctual``), each straight run lies in the middle of its
+    planned time.
     """
     laws, kinds = laws_of(planned.model), planned.kinds
     if not {*executed, CHANGE} & {*kinds}:  # it is executed as planned

@@ -196,7 +196,7 @@ def _look(colour: str) -> dict[str, Any]:
 
 
 def _width(model: Model) -> float:
-    """Return the angle of the wedge that shows the camera's view, rad."""
+    """Return the angle of the wedge that shows the camera's view, rad; a small one if the view is all round."""
     given = model.field_of_view
     return POINTER if given is None or given[0] >= 2.0 * math.pi else float(given[0])
 

@@ -92,7 +92,7 @@ class PlanarCollision:
 
     @property
     def turn_part(self) -> float:
-        """Angle, rad, between the outlines whose hulls cover a turn.
+        """Largest angle, rad, that one convex hull covers when a turn is tested: a turn is tested as a row of hulls.
 
         A turn that is cut at multiples of this angle is covered by the same hulls as the whole turn.
         """

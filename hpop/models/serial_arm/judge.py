@@ -163,7 +163,10 @@ class ArmJudge:
 
     @cached_property
     def _larger_objects(self) -> dict[int, Any]:
-        """Objects of the library, by number of part, that replace parts in tests with solids of the world."""
+        """Objects of the library for enlarged parts (scaled or padded links), by index in ``parts``.
+
+        They replace these parts in tests with solids of the world.
+        """
         return {a: self._library.placed(part.solid, np.eye(4)) for a, part in self._enlarged.items()}
 
     @cached_property

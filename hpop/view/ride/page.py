@@ -225,7 +225,11 @@ def ride_page(problem: Problem, front: Front, *, rows: Sequence[int | str] = ("k
 
 
 def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, blind: bool = False) -> dict[str, Any]:
-    """Return the data of the ride page: JSON, `hpop-ride` version 1, read by web/src/ride/model.ts."""
+    """Return the data of the ride page: JSON, `hpop-ride` version 1, read by web/src/ride/model.ts.
+
+    rows   one to eight trajectories of the front, by number or name
+    blind  whether to leave out criteria, labels, stops and notes, so that a viewer chooses by the view alone
+    """
     chosen = named_rows(front, rows)
     if not 1 <= len(chosen) <= len(NAMES):
         raise OptionError(f"rows must name 1 to {len(NAMES)} trajectories of the front, got {len(chosen)}")
@@ -255,7 +259,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
 def _track(
     problem: Problem, front: Front, name: str, row: NamedRow, told: dict[str, Criterion], *, blind: bool
 ) -> dict[str, Any]:
-    """Return the data of one trajectory as JSON; on a blind page only its motion."""
+    """Return the data of one trajectory as JSON; on a blind page (see `ride_payload`) only its motion."""
     trajectory = row.point.trajectory
     columns = {column.name: column for column in quantities(front)}
     shown = [columns[printable(c)] for c in told]

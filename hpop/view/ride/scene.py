@@ -82,10 +82,10 @@ class Prism:
 class Cells:
     """Occupied cells of a raster map, merged to boxes.
 
-    boxes   (B, 4)  first column and row, and those after the last: x0, y0, x1, y1 in cells
-    raster          gives their positions
-    low, high       m
-    number, colour  as of a prism
+    boxes   (B, 4)  x0, y0, x1, y1 in cells: first column and row, and last column and row plus 1
+    raster          the map, which gives the position and size of cells
+    low, high       m  heights of the bottom and top of all boxes
+    number, colour  as in :class:`Prism`; all boxes have the same
     """
 
     boxes: IntArray

@@ -55,7 +55,7 @@ _OPEN: ContextVar[Looks | None] = ContextVar("looks", default=None)
 
 @contextmanager
 def looking() -> Iterator[Looks]:
-    """Open a context whose record gets all evaluations of fields with scalar symbols (SX) inside it."""
+    """Open a context; the record that it yields gets all evaluations of fields with scalar symbols (SX) inside it."""
     looks = Looks()
     token = _OPEN.set(looks)
     try:

@@ -207,7 +207,10 @@ def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArr
 
 
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
-    """Return the filled areas as polygons; an area is all points inside an odd number of the lines with its number."""
+    """Return the filled areas as polygons; an area is all points inside an odd number of its lines.
+
+    area  for each line the number of the area that it bounds, 0 for none
+    """
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)
     for some in np.split(lines, np.flatnonzero(np.diff(area[lines])) + 1):

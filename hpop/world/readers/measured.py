@@ -166,7 +166,10 @@ def _array(data: bytes, path: str | Path) -> FloatArray:
 
 
 def _image(data: bytes, path: str | Path, black: float, white: float) -> FloatArray:
-    """Return the samples of an image, one for each pixel, the lowest row first."""
+    """Return the samples of an image, one for each pixel, the lowest row first; NaN for transparent pixels.
+
+    black, white  samples of black and of white pixels; greys lie in between
+    """
     picture = read_image(data, path)
     if picture.height * picture.width > MOST_SAMPLES:
         raise MapError(

@@ -287,7 +287,7 @@ def _parts(points: _Points, names: Sequence[Hashable]) -> tuple[list[list[slice]
 def _few(marked: BoolArray) -> BoolArray:
     """Return the marks if they are few, else no marks: many faults mean a wrong unit, which is reported elsewhere.
 
-    Few are at most a tenth of all steps, or two in a file of six steps or more.
+    Few are at most a tenth of all steps or, in a short file, at most a third of them and at most two.
     """
     most = max((1 - MOSTLY) * marked.size, min(2.0, marked.size / 3))
     return marked if marked.sum() <= most else np.zeros_like(marked)
