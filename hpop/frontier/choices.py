@@ -122,8 +122,9 @@ class Choices(Generic[T]):
     def nearest(self, wishes: Mapping[str, float]) -> ItemPoint[T]:
         """Return the point nearest to the values that a user wishes for, in criteria or reported values.
 
-        Only the named columns count, each scaled by its range over the front. Ties go to the point with the smallest
-        sum of the other criteria. Example: ``front.nearest({"turns": 3})``.
+        The distance is Euclidean, in the named columns, each scaled by its range over the front; a better value than
+        wished counts as distance too. Ties go to the point with the smallest sum of the other normalised criteria.
+        Example: ``front.nearest({"turns": 3})``.
         """
         values = choosing.named_numbers("wishes", wishes)
         columns = [choosing.column_index(name, self.names + self.reported_names) for name in wishes]

@@ -86,7 +86,7 @@ def is_nondominated(Y: ArrayLike) -> BoolArray:
 
 
 def _swept(ranks: FloatArray) -> BoolArray:
-    """Mark the non-dominated rows of a finite matrix, and the first of equal rows, without the package moocore.
+    """Mark the non-dominated rows of a finite matrix, of equal rows only the first, without the package moocore.
 
     It takes one pass over the rows for each marked row.
     """

@@ -157,7 +157,7 @@ def motions_of(
 ) -> Motions:
     """Return as one batch those motions of many trajectories that follow one law.
 
-    kind    kind of the law
+    kind    name of the law, such as "move"
     states  states of all trajectories, one after another
     times   s, time of each of these states
     turns   rad, for each motion of all trajectories: signed rotations of the turns that end in it, in two columns

@@ -213,7 +213,7 @@ def onward(law: Law, space: StateSpace, start: States, end: States) -> States:
 class Leg(NamedTuple):
     """One step of M sequences of motions: the next motion in each sequence.
 
-    kind     kind of law, common to all M motions
+    kind     name of the law of all M motions, such as "move"
     end      states (M,) at the end of the motion
     present  (M,)  False where a sequence skips this step; ``end`` is then the state before the step
     """

@@ -185,7 +185,10 @@ class Planner(Protocol):
         return _only_stage(self, problem, progress, **on_executor)
 
     def budget(self) -> Budget | None:
-        """Return the limits of time and memory if they include reading the map; by default None."""
+        """Return the limits of time and memory of a planner whose limits include reading the map; by default None.
+
+        None means that reading the map does not count towards the time limit.
+        """
         return None
 
     def anchored(self) -> Planner:

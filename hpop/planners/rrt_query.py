@@ -100,7 +100,10 @@ class TreeQuery:
         return self.start[:2] == self.goal[:2] and turn == 0.0
 
     def trajectory(self, controls: FloatArray) -> Trajectory:
-        """Return the trajectory that begins at rest at the start and follows controls (n, 3); n may be 0."""
+        """Return the trajectory that begins at rest at the start and follows controls (n, 3); n may be 0.
+
+        A row is a drive: its acceleration, m/s², angular acceleration, rad/s², and duration, s.
+        """
         if not len(controls):
             return Trajectory.from_poses(self.model, [self.start])
         return driven(self.model, self.start, controls.tolist())
@@ -208,11 +211,12 @@ def _is_free(query: TreeQuery, controls: FloatArray) -> bool:
 
 
 def _controls_to_goal(query: TreeQuery, base: Base, controls: FloatArray) -> FloatArray | None:
-    """Return controls (k, 3) near the given ones that lead from a state to rest at the goal.
+    """Return controls (k, 3) near the given ones that lead from the state ``base`` to rest at the goal.
 
-    The result is None if a limit would be broken or Newton's method does not converge. It adjusts all wheel
-    accelerations until the end state is the goal. There are more accelerations than state variables, so each step is
-    the one of least norm, which spreads the gap over all drives.
+    Controls are as in :meth:`TreeQuery.trajectory`. The result is None if a limit would be broken or Newton's method
+    does not converge. The method adjusts all wheel accelerations until the end state is the goal; durations stay. There
+    are more accelerations than state variables, so each step is the one of least norm, which spreads the gap over all
+    drives.
     """
     half, lasts = 0.5 * query.model.wheel_base, controls[:, 2]
     wheels = np.stack([controls[:, 0] - half * controls[:, 1], controls[:, 0] + half * controls[:, 1]], axis=1)

@@ -344,10 +344,11 @@ class Graph:
         return self.indptr, self.heads, self.costs
 
     def rows_of_turns(self, column: int) -> tuple[IntArray, NDArray[np.int32], BoolArray, IntArray, int]:
-        """Return the arcs of one layer, which include all turns within groups, and their position in this graph.
+        """Return the arcs of one layer, as arrays, with what is needed to find them in the graph of all layers.
 
-        The values are offsets and heads of the arcs of one layer, a mask of those with a positive cost in ``column``,
-        the offsets of all arcs of this graph, and the number of nodes of a layer. Added arcs of a node come last.
+        Turns within groups of nodes are all among these arcs. The values are offsets (rows) and heads of the arcs of
+        one layer, a mask of those with a positive cost in ``column``, the offsets of all arcs of this graph, and the
+        number of nodes of a layer. In this graph, arcs that were added to a node come after its arcs of the layer.
         """
         if ("raised", column) not in self.cache:
             self.cache["raised", column] = self.cost(column) > 0

@@ -67,7 +67,7 @@ class RunSpeedGraph(StateGraph):
 
     inner    graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k others
     speeds   (k,)  m/s, rising
-    arrives  m/s, speed at which the robot comes to a start beside the graph, where it then stops
+    arrives  m/s, speed at which the robot comes to an added start, which is no state of the graph; there it stops
     """
 
     inner: StateGraph
@@ -124,7 +124,10 @@ class RunSpeedGraph(StateGraph):
         return np.asarray(states + self.inner.size * (layers + len(self.speeds) * ((layers > 0) & ~begins)))
 
     def arriving_at(self, speed: float) -> RunSpeedGraph:
-        """Return this graph for a start beside it at which the robot arrives at ``speed``, m/s, and then stops."""
+        """Return this graph for an added start, which is none of its states, where the robot comes at ``speed``, m/s.
+
+        Paths begin with a change of speed from ``speed`` to rest.
+        """
         return copied(self, arrives=speed)
 
     def costed_in(self, world: World) -> RunSpeedGraph:

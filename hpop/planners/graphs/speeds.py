@@ -51,7 +51,7 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, movi
     ends      graph with start and goals among its nodes; returned as it is if the model has one speed, or
               the graph has changes of speed already
     criteria  costs that the search minimises
-    moving    whether the robot may also come to a start beside the graph at a speed, and then stops there
+    moving    whether the robot may come at a speed to a start that was added to the states, and then stops there
 
     Raises QueryError for a graph without states in the plane or chains of motions, and ModelError for wrong speeds.
     """
@@ -86,7 +86,7 @@ class SpeedGraph(WrappedGraph):
     inner     graph of states, with start and goals among its nodes
     speeds    m/s, rising: the classes
     criteria  costs that the search minimises
-    slowed    start beside the graph at which paths may begin at a speed; then they change to rest there. None for none
+    slowed    added start at which paths may begin at a speed; then they change to rest there. None if there is none
     """
 
     inner: TrajectoryGraph

@@ -58,7 +58,7 @@ class StateGraph(TrajectoryGraph):
         return change(self)
 
     def arriving_at(self, speed: float) -> StateGraph:
-        """Return this graph for a start beside it at which the robot arrives at ``speed``, m/s.
+        """Return this graph for an added start, which is none of its states, where the robot comes at ``speed``, m/s.
 
         By default, the graph is returned unchanged.
         """

@@ -227,7 +227,7 @@ def _refuse_endless(query: Query, bounded: Sequence[int]) -> None:
 
 
 def _reason_without_path(query: Query, column: int, least: int) -> str:
-    """Return, as text, why no path satisfies both the cap and max_turns.
+    """Return, as text, why no path satisfies both max_turns and the cap of max_detour.
 
     The text is "" without max_turns, if ``least`` is 0, or if no path satisfies max_turns alone.
 

@@ -38,7 +38,7 @@ class MeanLimits:
 
     most   (k,)  largest cost of a walk, ANYTHING for no limit; the duration always has a limit
     rates  (k,)  for each bounded sum: largest ratio of an arc's duration to its cost in this sum, over the arcs
-                 assigned to it; 0 if no arc is assigned. With a cap, 1 for the duration and 0 for all other costs
+                 assigned to it; 0 if no arc is assigned. If the duration has a cap, 1 for it and 0 for all other costs
     """
 
     most: IntArray

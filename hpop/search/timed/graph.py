@@ -247,7 +247,10 @@ def _table(
 
 
 def _flags(values: Any, name: str, shape: tuple[int, ...]) -> BoolArray:
-    """Return a read-only array of booleans of the given shape, all False for None; raise GraphError for others."""
+    """Return ``values`` as a read-only array of booleans, all False if ``values`` is None.
+
+    Raises GraphError for other types, or if the shape is not ``shape``.
+    """
     if values is None:
         return _read_only(np.zeros(shape, np.bool_))
     array = np.asarray(values)

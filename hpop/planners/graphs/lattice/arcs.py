@@ -169,10 +169,11 @@ def _steps(lattice: StateLattice) -> NDArray[np.int32]:
 
 
 def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
-    """Return which motions in place (P, S, W) are free of collisions.
+    """Return which motions in place are free of collisions, as a mask (P, S, W).
 
-    Collisions may depend only on position and heading, not on other coordinates (the posture). Then a motion that turns
-    the base is checked as a turn, and any other motion is free wherever its state is.
+    Its axes are the P positions, the S stations at which motions begin, and the W columns of ``to``. Collisions may
+    depend only on position and heading, not on other coordinates (the posture). Then a motion that turns the base is
+    checked as a turn, and any other motion is free wherever its state is.
 
     to, of_kind  (S, W)  stations reached, and kinds of motion, from :func:`in_place`
     """
@@ -189,7 +190,9 @@ def _in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArra
 
 
 def _each_in_place_free(lattice: StateLattice, to: NDArray[np.int32], of_kind: NDArray[np.uint8]) -> BoolArray:
-    """Return which motions in place (P, S, W) are free of collisions, with a separate check for each motion.
+    """Return a mask (P, S, W) of the motions in place that are free of collisions, with a separate check for each.
+
+    The axes are those of :func:`_in_place_free`.
 
     to, of_kind  (S, W)  stations reached, and kinds of motion, from :func:`in_place`
     """

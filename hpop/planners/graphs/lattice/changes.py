@@ -216,7 +216,7 @@ def _affected_arcs(criterion: Criterion, before: StateLattice, lattice: StateLat
 
 
 def _same_content(before: World, after: World) -> bool:
-    """Return whether two worlds have the same people, objects and zones: one shared content object, or none at all."""
+    """Return whether two worlds share one content object, or both have no people, objects and zones."""
     contents = [world.content for world in (before, after)]
     return contents[0] is contents[1] or not any(content.present or content.zones for content in contents)
 

@@ -93,7 +93,7 @@ class Survey:
     def target_nodes(self, free: int) -> list[int]:
         """Return the node numbers at which a path may end: the goals, and the start if it is at a goal already.
 
-        If goals have straight approaches, these are the ends of the approaches.
+        If goals have straight approaches, paths end where the approaches end, and never at the start.
 
         free  number of samples, whose node numbers lie between those of start and goals
         """

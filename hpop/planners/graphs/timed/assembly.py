@@ -127,7 +127,10 @@ class _Assembly:
 
     @cached_property
     def ramps(self) -> Ramps:
-        """Deviations of the robot from its plans; 0 if they are unknown, since each execution is then checked later."""
+        """Deviations of the robot from its plans, since it speeds up and slows down; 0 if the model states none.
+
+        Then each execution is checked later.
+        """
         return Ramps.of(self.space.model) or Ramps(0.0, 0.0)
 
     @property

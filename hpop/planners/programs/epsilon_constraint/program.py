@@ -251,7 +251,10 @@ class PolylineProgram:
         return values
 
     def costs(self, polyline: Polyline, corrections: FloatArray | None = None) -> FloatArray:
-        """Return the costs (k,) of a polyline as the program computes them; NaN if no coordinate is free."""
+        """Return the costs (k,) of a polyline as the program computes them; NaN if no coordinate is free.
+
+        The ``corrections`` of :meth:`corrections` are added to the costs of motions in criteria that are maxima.
+        """
         if not self.freedom:
             return np.full(len(self.criteria), np.nan)
         return self._values(polyline, corrections)[1].ravel()
