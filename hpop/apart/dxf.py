@@ -69,7 +69,7 @@ class _EntityWalk:
         Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf would
         change a reference in a stretched block into a form that it can represent.
 
-        matrix  from ``entities`` to the drawing, or None
+        matrix  from ``entities`` to the drawing; None for the identity
         around  layer of the reference
         deep    depth of nested blocks
         """

@@ -36,7 +36,7 @@ SEMICOLONS = re.compile(r"[;\s]+")
 
 
 def write_graph(graph: Graph, path: Path, *, first_node: int = 1) -> None:
-    """Write a graph to a text file, with its arcs in the order of their tails."""
+    """Write a graph to a text file, with its arcs in the order of their tails; ``first_node`` as for `read_graph`."""
     tails = np.repeat(np.arange(graph.nodes), np.diff(graph.indptr))
     table = np.column_stack([tails + first_node, graph.heads + first_node, graph.costs])
     with path.open("w", encoding="ascii") as file:

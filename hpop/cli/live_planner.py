@@ -48,7 +48,10 @@ SWITCH = 1e-3
 
 
 def at_once(planner: LivePlanner, request: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
-    """Yield the messages that answer a push beside another request; none if it has to wait for that request."""
+    """Yield the messages that answer a request "push", while another thread may answer an earlier request.
+
+    A push changes to the known path that lies nearest to a direction. Yield nothing if the push has to wait.
+    """
     with suppress(HpopError):
         yield from planner.push_at_once(request["now"], request["pose"], request["direction"])
 

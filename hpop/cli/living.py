@@ -112,7 +112,10 @@ TOKEN = re.compile(r"[A-Za-z0-9_-]{12,100}")
 
 
 def _tokens_of(token: str | None) -> dict[str, str]:
-    """Return the tokens of those who may drive and of those who watch; the first cannot be told from the second."""
+    """Return the tokens "driving" and "watching"; that for driving cannot be computed from that for watching.
+
+    Without a token, return {}.
+    """
     if token is None:
         return {}
     if not TOKEN.fullmatch(token):

@@ -114,10 +114,10 @@ def print_front(
 class Contribution:
     """Contribution of one planner to the joint front of several planners.
 
-    points  number of points of the final front that this planner found first
-    found   number of points of the front after this planner
-    before  hypervolume of the front before this planner, 0 for the first
-    after   hypervolume of the front after this planner; NaN if it would take minutes to compute
+    points  number of points of the final joint front that this planner found first
+    found   number of points of the joint front of this planner and all planners before it
+    before  hypervolume of the joint front of the planners before this one, 0 for the first
+    after   hypervolume of the joint front with this planner; NaN if it would take minutes to compute
     """
 
     planner: str

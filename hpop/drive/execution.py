@@ -184,7 +184,7 @@ class Execution(StopLog):
                   need no search, so a deadline of 0 returns them; a missing plan is at most a factor 1 + gap better.
                   After a change of people, waiting for the graph to be rebuilt counts too, in real time. If it is not
                   rebuilt in time, the options are known plans that are open and clear of people; the gap is infinite
-        within    s, a shorter deadline of the search; options then begin later than after the search
+        within    s, a shorter deadline for the search only; ``deadline`` still sets how soon the plan may change
         """
         deadline, now = deadline_of(deadline, self.problem), self._told(now)
         self._note_visits(now)

@@ -167,10 +167,9 @@ class DriveProgress:
         return Moment(now, planned, self.state(now), stands, arrived, plan, stretches, self.lag, self.tour)
 
     def shift(self, now: float) -> None:
-        """Begin a new stretch of the drive after the motion under way, with the present surroundings and lag.
+        """Begin a new `Stretch` with the present lag at the end of the motion under way; the surroundings stay.
 
-        A stretch is a part with one world, and with one lag: the time of the drive at which the plan began. The new one
-        replaces the last stretch if that begins no earlier.
+        If the last stretch begins there or later, the new one replaces it, and begins where it began.
         """
         begins, last = self.plan.motion_ends(self.planned(now)), self.stretches[-1]
         if last.begins >= begins - SAME:

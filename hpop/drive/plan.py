@@ -301,7 +301,7 @@ class Plan:
         return replace(self, stops=stops)
 
     def among_others(self) -> Plan:
-        """Return the plan among other people, without the exception for people near it when it was chosen."""
+        """Return the plan among other people: the robot may no longer begin near people, as it may at ``chosen``."""
         return replace(self, chosen=0.0)
 
 

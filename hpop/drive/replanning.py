@@ -276,7 +276,7 @@ class Replanner:
         return built if is_far or beside else self._passable(now, commit, built)
 
     def _passable(self, now: DriveSurroundings, commit: Commit, built: TimedDriveGraph) -> TimedDriveGraph:
-        """Return ``built``, or if it has no path from the commit on, a graph joined there or with people who stop."""
+        """Return ``built``; if it has no path, a graph joined at the commit, or a graph with people who stop."""
         if not built.is_shut(commit, RECHECK):
             return built
         if now.touched(commit.state, commit.time):

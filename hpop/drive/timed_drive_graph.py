@@ -73,11 +73,11 @@ class TimedDriveGraph:
     base        the untimed graph, without a joined start
     start       node for which the graph was built; `begin` is the earliest tick of a query from it
     state       (1,) state of the robot at the start
-    places      nodes at which the plan may change next: that of the commit, and those reached soon after it
+    places      nodes at which the plan may change next: that of the `Commit`, and those reached soon after it
     near        nodes within the margin of a person, with times, s on the clock: the robot may begin there, although it
                 must not come so near elsewhere; empty if no person is near
     instead_of  surroundings in which no path leads on, because people walk towards the robot; else None
-    stopping    the same with people who stop before the robot, for which this graph was built; else None
+    stopping    `instead_of` with people who stop before the robot, for which this graph was built; else None
     """
 
     untimed: DriveGraph

@@ -126,7 +126,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _standstill(plan: Trajectory, t: float) -> float:
-    """Return the time, s, at which the motion under way at time ``t`` of a plan began, or the robot came to rest."""
+    """Return the time, s, at which the motion under way at ``t`` began; if the robot stands, when it came to rest."""
     times, kinds = plan.times, plan.kinds
     i = min(int(np.searchsorted(times, t + SAME, side="right")) - 1, len(plan))
     if i < len(plan) and kinds[i] != HOLD.kind and t > times[i] + SAME:

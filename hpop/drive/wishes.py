@@ -44,7 +44,8 @@ def wished(options: Options, wish: str | None, shares: Mapping[str, Any]) -> Wis
     - ``wish`` None and shares, such as ``duration=-0.2``: each named cost grows by at most its share (here it falls by
       a fifth or more), with the least loss.
 
-    The loss is the growth of the costs relative to the remaining plan, each divided by its range over the options.
+    The loss is the sum over the costs above those of the remaining plan: their growth, each divided by the range of the
+    cost over the options. Costs that fall do not reduce the loss; they only decide between equal losses.
     Raises DriveError for an unknown wish, and for a cost that the front does not have.
     """
     checked = checked_wish(wish, shares, options.front.names)

@@ -207,7 +207,10 @@ class FitCheck:
 
     @cached_property
     def _processes(self) -> list[tuple[Process, FloatArray]]:
-        """Gaussian process for each setting, and the covariances (m, n) of rows with the answers' differences."""
+        """For each setting of `SPREADS`, the Gaussian process, and the covariances (m, n) of rows with answers.
+
+        They are covariances of two differences in value: of a row from the best row, and of the two rows of an answer.
+        """
         chosen, other = self._points
         best = self._rows[self.row : self.row + 1]
         found = []
@@ -284,7 +287,7 @@ def _difference_variances(rows: FloatArray, row: int, setting: tuple[float, floa
 
 
 def laplace(prior: FloatArray) -> Process:
-    """Return the Gaussian process given that n differences in value, with a prior covariance (n, n), were chosen.
+    """Return the Gaussian process given n answers: the chosen point minus the other has prior covariances (n, n).
 
     Curvatures are those of Fisher scoring, which are never negative, although lapses make the log probability convex
     in places. Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", algorithm 3.1.

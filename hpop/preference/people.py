@@ -169,8 +169,9 @@ class People:
     def _design(self, table: FloatArray) -> FloatArray:
         """Return the design matrix (people, d) for :meth:`_log_concentrations`, from a table of profiles.
 
-        The result has a row for each profile: 1, followed by the scaled profile if profiles are used. Scaled
-        numbers are standard deviations from the mean of these people, and 0 for a missing number.
+        The result has a row for each profile: 1, followed by the scaled profile if profiles are used. A number is
+        clipped to the range of these people's numbers, and scaled: its distance from their mean, in their standard
+        deviations. A missing number becomes 0.
         """
         one = np.ones((len(table), 1))
         if not self.uses_profile:

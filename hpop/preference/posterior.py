@@ -354,7 +354,7 @@ def expected_information(gains: FloatArray, ties: FloatArray | None) -> FloatArr
 def _candidate_pairs(rows: FloatArray, draws: Draws, rng: np.random.Generator) -> IntArray:
     """Return pairs of rows (m, 2) that differ noticeably, as candidates for the next question.
 
-    These are all pairs if there are at most :data:`PAIRS`; otherwise so many random pairs, and all pairs of the
+    These are all pairs if there are at most :data:`PAIRS`; otherwise :data:`PAIRS` random pairs, and all pairs of the
     :data:`FAVOURITES` rows that are best for most draws.
     """
     n = len(rows)

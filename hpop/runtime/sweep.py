@@ -112,10 +112,10 @@ class Sweep(Generic[S, T, R]):
     """Runner of ``job(shared, task)`` for many tasks, on an executor or in this process.
 
     job       function of a module that workers can import; its results must depend on its arguments only
-    shared    data for all tasks, not None; they, tasks and results must be picklable
+    shared    data for all tasks, not None; data, tasks and results must be picklable
     executor  any executor; None to run the tasks in this process, one after another
-    chunk     largest number of tasks in one message; choose it so that they take some tenths of a second together, as
-              sending then costs little
+    chunk     largest number of tasks in one message to a worker; if the tasks of a message take some tenths of a second
+              together, sending costs little
     notes     sentences for the user on failures of the executor
 
     >>> with Sweep(pow, 2) as sweep:

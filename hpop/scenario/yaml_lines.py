@@ -173,7 +173,7 @@ class _Expanded:
         return ""
 
     def _close(self, anchor: str | None, values: int, levels: int) -> None:
-        """Add the size of a finished value to its parent, and store it if it has an anchor."""
+        """Note the depth of a finished value at its parent; if it has an anchor, store its size (values, levels)."""
         if anchor is not None:
             self._named[anchor] = (values, levels)
         if self._open:

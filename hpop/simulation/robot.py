@@ -22,7 +22,7 @@ class SimulatedBase:
 
     model  robot; only the distance between its wheels is used
     pose   true pose at time 0
-    delay  s, after which a command takes effect. The next call of :meth:`advance` reaches it, by constant acceleration
+    delay  s, after which a command takes effect. The next step of :meth:`advance` changes the velocity to it, linearly
     slip   0 to 0.5, largest share by which a wheel drives less far than it turns; drawn for each wheel every second
     noise  m, radius of the disc about the true position in which measured positions lie; yaws are off by up to as many
            radians as this is metres

@@ -175,8 +175,9 @@ def pick(
     always : rows to include: numbers, "knee", or "least NAME"
     by : "costs", each scaled by its range over the front; or "paths", the mean distance in m between executed camera
         positions at equal shares of the path, by which paths of equal cost differ
-    share : largest relative difference in executed duration; other rows are skipped, because longer exposure alone
-        makes people sicker. None allows any durations, and the design notes how they differ
+    share : the longest returned row lasts at most 1 + ``share`` times the shortest, as executed; other rows are
+        skipped, because longer exposure alone makes people sicker. None allows any durations, and the design notes
+        how they differ
 
     Raises StudyError if there are too few rows, or too few of similar duration to those of ``always``.
 

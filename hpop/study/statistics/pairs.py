@@ -161,7 +161,7 @@ def _interval(differences: FloatArray, zeros: Zeros, counted: bool, level: float
     """Return the ends of the interval of shifts that the test accepts.
 
     Signed ranks change only at Walsh averages (means of two differences), so one shift represents each gap between two
-    averages. The upper tail probability rises with the shift, the lower one falls.
+    averages. The upper tail probability rises with the shift, the lower one falls. ``counted`` as for `_tails`.
     """
     units = np.rint(differences / STEP) * 2  # whole, and so are the averages: ties are exact
     averages = np.unique(_walsh_averages(units))
