@@ -97,7 +97,7 @@ def main(scenario: str, imports: Sequence[str]) -> None:
         return any_told
 
     def read() -> None:
-        """Answer pushes at once if possible; let other requests wait for the main thread."""
+        """Read requests: answer a push at once if possible; let all others wait for the main thread, pushes first."""
         try:
             for line in sys.stdin.buffer:
                 request, came = json.loads(line), time.process_time()

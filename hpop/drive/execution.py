@@ -211,7 +211,8 @@ class Execution(StopLog):
         stop before it.
 
         answer  a logged result, as for :meth:`options_again`
-        within  s, deadline of the search; None for none: an event log is repeated, ``deadline`` only places the commit
+        within  s, deadline of the search; None for none, as when an event log is repeated. ``deadline`` only decides
+                where options begin (the commit)
         """
         commit = self.commit(now, deadline)
         if answer is not None and answer.get("stopping"):
@@ -269,10 +270,10 @@ class Execution(StopLog):
     def take(
         self, option: Option | Point | int, now: float | None = None, options: Options | None = None
     ) -> Trajectory:
-        """Take one of the last options, or of earlier ones, which the robot follows from their commit on.
+        """Let the robot follow an option from the place where the options begin, their commit; return the new plan.
 
-        The commit is the place where these options begin. ``patience`` and ``notice`` do not count here. Return the new
-        plan. Raise DriveError if the robot has passed the commit, or if the option has been closed since.
+        The option is one of the last options, or of the earlier ``options``. ``patience`` and ``notice`` do not count
+        here. Raise DriveError if the robot has passed the commit, or if the option has been closed since.
         """
         options = self._options_at_hand() if options is None else options
         now, place = self._in_order(self._now() if now is None else now), options.place_of(option)

@@ -42,7 +42,7 @@ FAREWELL = 1.0
 class RobotSighting(Sighting):
     """Latest knowledge of the robot and its surroundings, as it tells them.
 
-    halted    whether its own topic has stopped it
+    halted    whether a message of its topic ``stop`` has stopped it
     areas     corners (x, y), m, by name, of areas that are blocked on its map or mask, but not in the scenario
     """
 
@@ -227,7 +227,7 @@ class RosRobot(LiveRobot):
         if self.is_lost:
             return "the robot is not connected"
         if base.seen.halted:
-            return "the robot was told to stop by its own topic"
+            return f"the robot was stopped by its topic {base.known.own('stop')}"
         if base.measured is None:
             return "the robot does not know where it is"
         if self._ahead is None or self.arrived:

@@ -39,7 +39,7 @@ class OfferedDrive:
     template  problem of the scenario without its tour and its people
     drive     the present drive; None while the robot has no plan
     prefix    what was driven before it without a stop between; None for nothing
-    goal      destination to which ways are offered; None while those of the drive are
+    goal      destination of the offered ways; None while the offered ways change the plan of the present drive
     offer     the ways that can be taken now; None if they are not known
     """
 
@@ -62,8 +62,8 @@ class OfferedDrive:
     def _offer_rest(self, now: float, lead: float = LEAD, *, anew: bool = False) -> Offer | None:
         """Store and return the offer of the ways that the present drive can still take; None without a drive.
 
-        While the graph is built anew for people who walk elsewhere than predicted, only known ways are found. Then the
-        last offer, which has all that there were, stays while it can be used, but not with ``anew``.
+        While the graph is built anew for people who walk elsewhere than predicted, only ways that are known already are
+        found. The last offer, which may have more, then stays as long as it can be used, unless ``anew``.
         """
         if self.drive is None:
             return None
@@ -141,14 +141,15 @@ class OfferedDrive:
                 yield message
 
     def _answer(self, now: float, heading: float) -> Iterator[Message]:
-        """Take the open way of the present offer that lies nearest to a heading in the world, rad."""
+        """Take the open way of the offer that lies nearest to a heading in the world, rad; yield messages about it."""
         with self.changing:
             offer = self.offer
             many = 0 if offer is None else len(offer.ways.trajectories)
             found = None if offer is None else nearest_to_push(offer.ways, heading, partial(self._is_open, offer))
             if offer is None or found is None:
-                words = "no way is free of people now" if many else "there is no way to choose from"
-                words = f"{words}; choose a destination first"
+                words = "there is no way to choose from; choose a destination first"
+                if many:
+                    words = "no way is clear of people and closed areas now; wait, or choose another destination"
                 yield {"type": "pushed", "followed": False, "option": None, "words": words}
                 return
             words = first_turn(offer.ways.trajectories[found.row])

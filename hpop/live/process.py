@@ -73,9 +73,9 @@ class PlannerProcess:
         self._next()
 
     def _next(self) -> None:
-        """Send the requests that have waited longest: one push and one other request, if none of theirs is running.
+        """Send the push and the other request that have waited longest, each unless one like it is being answered.
 
-        A push need not wait for other requests: the process answers it beside them if it can.
+        At most one push and one other request are under way: the process answers a push beside the other if it can.
         """
         process = self._process
         if not self.is_ready or process is None or process.stdin is None:

@@ -53,7 +53,7 @@ class LiveSession(Audience):
     """One session: a robot, its planner, its people and its viewers.
 
     problem   of the scenario: map, robot, start and people
-    scene     message "scene" without the role
+    scene     message "scene" (:mod:`hpop.live.scene`), to which the role of each viewer is added
     record    file to which the events are written
     planner   returns the client of the planner's process, given the function that takes the planner's messages
     robot     robot that is driven
@@ -270,7 +270,7 @@ class LiveSession(Audience):
         self.planner.ask(kind, now=lambda: self.now, pose=lambda: list(self.robot.pose), **values)
 
     def _ask_ways(self) -> None:
-        """Ask for the ways of the drive from here on, and that viewers are offered them."""
+        """Ask the planner to compute the ways from here on, and then to offer them to the viewers."""
         self._ask("options")
         self._ask("show")
 

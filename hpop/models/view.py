@@ -78,7 +78,7 @@ class Restrictor:
         return cls(**given)
 
     def angles(self, widest: FieldOfView, speed: Column, rate: Column) -> tuple[Column, Column]:
-        """Return the angles of view (N,), rad, at speeds and angular speeds of the camera.
+        """Return the angles of view (N,), rad, at speeds of the camera, m/s, and angular speeds of the view, rad/s.
 
         ``widest`` has the angles of the unrestricted view.
         """
@@ -270,7 +270,10 @@ class ViewModel(_OfRobot):
         return ViewTwist(twist, 0.0 if self.turning == "unwound" else self._turn_rate(states, twist))
 
     def _turn_rate(self, states: States, twist: Twist) -> Column:
-        """Return the rate (N,) of a level view's yaw, rad/s: w . (z + u) / (1 + u_z), with u the camera's up."""
+        """Return the rate (N,) of a level view's yaw, rad/s.
+
+        It is w . (z + u) / (1 + u_z), with w the rotation in ``twist``, u the camera's up, and z the vertical.
+        """
         (wx, wy, wz), (ux, uy, uz) = twist.rotation, self.model.pose("camera", states).up
         return wz if "plane" in self.provides else wz + (wx * ux + wy * uy) / np.maximum(1.0 + uz, UPSIDE_DOWN)
 
@@ -293,8 +296,8 @@ class ViewModel(_OfRobot):
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """Return upper bounds (M,), m and rad, on how far any body moves and turns in each motion.
 
-        A level view turns faster than a tilted camera, by 1 / cos(tilt / 2); the bound holds for tilts up to 120
-        degrees.
+        A level view can turn 1 / cos(tilt / 2) times as fast as a tilted camera. The bound allows a factor of 2, so it
+        holds for tilts up to 120 degrees.
         """
         farthest, turned = self.model.extent(motions)
         return farthest, 2.0 * turned if self.turning == "level" and "plane" not in self.provides else turned

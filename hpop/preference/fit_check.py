@@ -47,7 +47,7 @@ STEPS = 60
 class Process(NamedTuple):
     """Gaussian process given answers: each chosen point has a value above that of the other point.
 
-    slopes    (n,)    gradients that, times covariances, give means
+    slopes    (n,)    times the covariances of a value with the answers' differences, they give its mean
     scale     (n,)    roots of the curvatures of the answers' log probabilities
     root      (n, n)  Cholesky root of 1 + scale K scale
     evidence          logarithm of the probability of all answers
@@ -200,16 +200,16 @@ class FitCheck:
 
     @cached_property
     def _points(self) -> tuple[FloatArray, FloatArray]:
-        """Scaled costs (n, f) of the chosen points and of the other points."""
+        """Scaled costs (n, f) of the chosen points, and of the points that were not chosen, in :attr:`_decided`."""
         pairs = np.array([a.costs if a.chosen == a.first else a.costs[::-1] for a in self._decided])
         pairs = pairs.reshape(-1, 2, len(self.person.scale.names))
         return self.person.scale.scaled(pairs[:, 0]), self.person.scale.scaled(pairs[:, 1])
 
     @cached_property
     def _processes(self) -> list[tuple[Process, FloatArray]]:
-        """For each setting of `SPREADS`, the Gaussian process, and the covariances (m, n) of rows with answers.
+        """Gaussian process for each setting of :data:`SPREADS`, with covariances (m, n) before the answers.
 
-        They are covariances of two differences in value: of a row from the best row, and of the two rows of an answer.
+        Entry (i, j) is that of two differences in value: row i less the best row, and of answer j, chosen less other.
         """
         chosen, other = self._points
         best = self._rows[self.row : self.row + 1]
@@ -231,7 +231,7 @@ class FitCheck:
     def _means_and_variances(self) -> tuple[FloatArray, FloatArray]:
         """Return how much better each row is than :attr:`row` by the Gaussian process: means and variances (m,).
 
-        They are mixed over the settings by their evidence.
+        They are means over the settings (:data:`SPREADS`), weighted by the probability of the answers in each.
         """
         logs = np.array([process.evidence for process, _ in self._processes])
         shares = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
@@ -257,16 +257,19 @@ class FitCheck:
         return np.asarray(improvement * self._chances_to_win())
 
     def _chances_to_win(self) -> FloatArray:
-        """Return the probability (m,) by the weighted sum that the person chooses the best row and not each other row.
+        """Return for each row (m,) the probability that the person chooses the best row, if the two are compared.
 
-        It is that before the test.
+        It is that of the weighted sum before the test.
         """
         draws = self.person.equal_draws()
         wins = expit((self._rows - self._rows[self.row]) @ draws.weights.T).mean(axis=1)
         return np.asarray(LAPSE / 2 + (1.0 - LAPSE) * wins)
 
     def _evidence_of_sum(self, scale: CostScale) -> float:
-        """Return the logarithm of the probability of all answers for people of the prior, with costs on a scale."""
+        """Return the log evidence of a weighted sum of costs on a scale: their probability of all answers, as a mean.
+
+        The mean is over the prior of the weights, before any answer.
+        """
         prior = replace(self.person.prior, concentration=(), about=(), _stretch=())
         draws = Draws.of(prior, len(scale.columns), DRAWN, np.random.default_rng([self.person.seed, 6]))
         return _log_mean(evidence(self._decided, scale, ties=False).log_probability(draws.weights, draws.ties))
@@ -287,7 +290,9 @@ def _difference_variances(rows: FloatArray, row: int, setting: tuple[float, floa
 
 
 def laplace(prior: FloatArray) -> Process:
-    """Return the Gaussian process given n answers: the chosen point minus the other has prior covariances (n, n).
+    """Return the Gaussian process given n answers, from the prior covariance (n, n) of their differences in value.
+
+    The difference of an answer is the value of the chosen point less that of the other point.
 
     Curvatures are those of Fisher scoring, which are never negative, although lapses make the log probability convex
     in places. Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", algorithm 3.1.

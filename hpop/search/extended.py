@@ -23,7 +23,8 @@ from hpop.search.networks import AddedArcs, check_sums
 class CompactGraph(Graph):
     """Graph whose costs are stored as a column of small unsigned integers for each cost, such as 16 bits.
 
-    The array :attr:`costs`, of 64 bits, is made when it is first read. The exact search with turns does not read it.
+    The array :attr:`costs` (m, k), of 64 bits, is made when it is first read. The exact search with turns reads the
+    columns instead.
     """
 
     columns: tuple[NDArray[np.unsignedinteger[Any]], ...] = ()
@@ -36,7 +37,7 @@ class CompactGraph(Graph):
         columns: Sequence[NDArray[np.unsignedinteger[Any]]],
         aggregates: Sequence[str],
     ) -> Self:
-        """Return the graph with read-only arrays, which are not copied; ``columns`` are k arrays (m,) of costs."""
+        """Return the graph of these arrays, which are not copied and must not change; ``columns``: k arrays (m,)."""
         graph = object.__new__(cls)
         vars(graph).update(indptr=indptr, heads=heads, columns=tuple(columns), aggregates=tuple(aggregates))
         vars(graph).update(labels=None, edges=None, turns=None, base=None, layers=1)

@@ -297,7 +297,7 @@ class LinkRules:
 
 
 def _counted_names(strange: Sequence[str], kind: str, known: Iterable[str]) -> tuple[str, str]:
-    """Return the number of unknown names in words, and the first of them, with the known name that is nearest."""
+    """Return two texts: how many names are unknown, such as "2 links"; the first of them, with a similar known one."""
     listed = ", ".join(map(shown, strange[:MOST_NAMED])) + (", ..." if len(strange) > MOST_NAMED else "")
     hint = next(filter(None, (did_you_mean(name, known) for name in strange)), "")
     return counted(len(strange), kind), f"{listed}." + hint

@@ -62,7 +62,7 @@ class WorkMotion:
         if sorted(columns) != sorted(("t", *names)):
             raise ModelError(
                 f"the motion must give the time t and the joints of the working arm, {', '.join(names)}, got "
-                f"{', '.join(map(str, columns)) or 'no columns'}; take the arm that moved so, or rename the columns"
+                f"{', '.join(map(str, columns)) or 'no columns'}; give the motion of this arm, or rename the columns"
             )
         numbers = {name: _numbers(name, column) for name, column in columns.items()}
         if len({column.size for column in numbers.values()}) > 1:

@@ -1,9 +1,9 @@
-"""Joins of start and goals in a graph of speeds: one copy of each for every class in which its moves may be driven.
+"""Joins of start and goals in a graph of speeds: a copy of each for every speed of its moves and rate of its turns.
 
 A join connects an added node (start, goal or a state of a stop) to a state of the graph. It is a chain of motions such
 as turn, move, turn (:class:`.arcs.MotionChains`). A class is one of the model's speeds. Layer 0 is rest, and layer i is
-class i (:mod:`.speeds`). A copy of a join is its chain of motions with all moves in one class, and with the changes of
-speed that these moves need.
+class i (:mod:`.speeds`). A copy of a join is its chain of motions with all moves in one class, all turns at one rate,
+and the changes of speed that these moves need.
 
 In paths of the graph, one direct change of speed replaces several at one state.
 """
@@ -62,7 +62,9 @@ class Waypoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JoinCopies:
-    """Copies (c,) of the joins of a graph: a join with moves has one for each class, any other join has one.
+    """Copies (c,) of the joins of a graph: one for each speed of a join's moves, with each rate of its turns.
+
+    A join without moves is not copied for speeds, one without turns not for turn rates.
 
     A join is an arc that connects a start, goal or stop to the graph. A copy includes the changes of speed between its
     motions. It begins or ends at rest at a start, a goal or an added state of a stop. At a state of the graph, it
@@ -87,9 +89,9 @@ class JoinCopies:
 
     @cached_property
     def _copies(self) -> tuple[IntArray, IntArray]:
-        """For each copy (c,): the index of its join, and the number of its class.
+        """For each copy (c,): the index of its join, and a number for its turn rate and speed, both counted from slow.
 
-        The number is that of the turns, from slow to fast, times the number of speeds, plus that of the speed.
+        The number is the index of the turn rate, times the number of speeds, plus the index of the speed.
         """
         joins = self.inner.joins
         if joins is None:

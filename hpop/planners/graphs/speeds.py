@@ -10,9 +10,9 @@ A model with several turn rates (``paces``) has a further layer for each slower 
 These are parallel arcs, one for each rate. This is exact: a turn begins and ends at rest, so its cost depends on its
 ends and rate only. The layer says which of these arcs a path takes.
 
-A join connects a start or goal to the graph (:mod:`.joined_ends`) by a chain of motions. It has one copy for each class
-in which its moves may be driven (:mod:`.speed_joins`). Each copy has a node of its own, between its tail and its head,
-so that a path says which copy it takes.
+A join connects a start or goal to the graph (:mod:`.joined_ends`) by a chain of motions. It has one copy for each speed
+of its moves with each rate of its turns (:mod:`.speed_joins`). Each copy has a node of its own, between its tail and
+its head, so that a path says which copy it takes.
 """
 
 from __future__ import annotations
@@ -108,7 +108,7 @@ class SpeedGraph(WrappedGraph):
 
     @cached_property
     def slower_turns(self) -> tuple[Mapping[str, str], ...]:
-        """For each slower class of turns, from slow to fast: kinds of motion, and the kinds that replace them."""
+        """For each slower turn rate, from slow: the kinds of motion that it replaces, such as {"turn": "turn_0.5"}."""
         return tuple(self.model.paces[:-1])
 
     @property
@@ -199,7 +199,7 @@ class SpeedGraph(WrappedGraph):
 
     @cached_property
     def _joins(self) -> JoinCopies:
-        """Copies of the joins, the connections of start and goals to the graph, one for each class."""
+        """Copies of the joins, the connections of start and goals to the graph, for each speed and turn rate."""
         return JoinCopies(self.inner, self.model, self.speeds, self.kinds)
 
     # Arcs
@@ -247,7 +247,7 @@ class SpeedGraph(WrappedGraph):
 
     @cached_property
     def _slower_arcs(self) -> list[IntArray]:
-        """Indices of those arcs of the graph of states that are made at each slower speed, or class of turns."""
+        """Indices of moves in the graph of states, once for each slower speed; then of turns, for each slower rate."""
         arcs = self.alone.arcs.kinds
         turns = [np.isin(arcs, [i for i, kind in enumerate(self.inner.kinds) if kind in p]) for p in self.slower_turns]
         return [*[self._in_place_and_moves[1]] * (len(self.speeds) - 1), *map(np.flatnonzero, turns)]
@@ -312,7 +312,7 @@ class SpeedGraph(WrappedGraph):
         return None if name is None else cast(IntArray | None, self.alone.cached_part((name, SPEED)))
 
     def _own_costs(self, criteria: Sequence[Criterion]) -> IntArray:
-        """Return the costs (r, k), in quanta, of moves at slower speeds and of changes of speed."""
+        """Return the costs (r, k), in quanta, of moves at slower speeds, slower turns, and changes of speed."""
         columns = [self._cached(criterion) for criterion in criteria]
         if missing := [j for j, column in enumerate(columns) if column is None]:
             some = [criteria[j] for j in missing]

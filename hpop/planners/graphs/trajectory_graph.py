@@ -291,7 +291,7 @@ class TrajectoryGraph(ABC):
 
     @property
     def slower_turns(self) -> tuple[Mapping[str, str], ...]:
-        """For each slower class of turns, from slow to fast: kinds of motion, and the kinds that replace them."""
+        """For each slower turn rate, from slow: the kinds of motion that it replaces, such as {"turn": "turn_0.5"}."""
         return ()
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:

@@ -128,7 +128,10 @@ class MeasuredField(Field):
         return values
 
     def quadratics(self, places: FloatArray, out: FloatArray) -> None:
-        """Write to ``out`` (M, 8) the bilinear form about points (M, 2), in grid steps: u, v, value and derivatives."""
+        """Write to ``out`` (M, 8) the bilinear form about points (u, v) (M, 2), in grid steps; the last is always 0.
+
+        A row has u, v, the value, d/du, d/dv, d²/du² (0), d²/dudv and d²/dv² (0).
+        """
         c, (u, v) = self.coefficients, places.T
         j, i = (np.fmax(np.fmin(at, n - 2.0), 0.0).astype(np.int64) for at, n in ((u, c.shape[1]), (v, c.shape[0])))
         low, right, above, corner = c[i, j], c[i, j + 1], c[i + 1, j], c[i + 1, j + 1]
@@ -164,7 +167,9 @@ class MeasuredField(Field):
         try:
             raw = zlib.decompressobj().decompress(base64.b64decode(data["values"], validate=True), 8 * MOST_SAMPLES + 1)
         except (zlib.error, binascii.Error) as error:
-            raise MapError(f"the samples of a described field cannot be unpacked: {error}.") from None
+            raise MapError(
+                f"the samples of a described field cannot be unpacked: {error}; describe the world anew."
+            ) from None
         if len(raw) != 8 * rows * columns:
             raise MapError(f"a described field must hold {columns} x {rows} samples; describe the world anew.")
         values = np.frombuffer(raw, "<f8").reshape(rows, columns)
@@ -178,8 +183,12 @@ def named_field(fields: Sequence[MeasuredField], name: str) -> MeasuredField:
     if len(found) == 1:
         return found[0]
     known = [each.name for each in fields]
+    if not known:
+        raise MapError(
+            "this world has no measured field; add one by world.with_fields([...]), or by fields of a scenario."
+        )
     asked = f"no field is called {shown(name)}.{did_you_mean(name, known)}" if name else "name one of the fields."
-    raise MapError(f"{asked} This world has {', '.join(known) or 'none'}.")
+    raise MapError(f"{asked} This world has {', '.join(known)}.")
 
 
 def checked_fields(fields: Iterable[MeasuredField], ground: Ground) -> tuple[tuple[MeasuredField, ...], list[str]]:
@@ -196,7 +205,7 @@ def checked_fields(fields: Iterable[MeasuredField], ground: Ground) -> tuple[tup
         raise MapError(f"each field needs a name of its own; {', '.join(map(shown, twice))} is given more than once.")
     for each in checked:
         share = ground.derived(("measured", each), partial(_share_measured, each, ground))
-        percent = f"{100 * share:.3g} % of the free space"
+        percent = f"{min(100 * share, 99.9):.3g} % of the free space"  # of less than all, not rounded to 100
         if share == 0:
             spans = ("{:.4g} to {:.4g} m in x, {:.4g} to {:.4g} m in y".format(*b) for b in _spans(each, ground))
             raise MapError(
@@ -232,7 +241,7 @@ def _share_measured(measured: MeasuredField, ground: Ground) -> float:
 
 
 def _spans(measured: MeasuredField, ground: Ground) -> Iterable[tuple[float, float, float, float]]:
-    """Yield the smallest and largest x, and y, m, of a field's samples, and then those of the map."""
+    """Yield (lowest x, highest x, lowest y, highest y), m, of a field's samples, and then of the map."""
     rows, columns = measured.values.shape
     corners = np.array([[0, 0], [columns - 1, 0], [0, rows - 1], [columns - 1, rows - 1]]) * measured.spacing
     (x, y), yaw = corners.T, measured.origin[2]

@@ -128,8 +128,12 @@ def _table(data: bytes, path: str | Path, name: str) -> tuple[FloatArray, float,
                 f"{named(path)}, line {number}: expected numbers for x, y and {value}; got {shown(','.join(line))}."
             ) from None
     points = np.array(numbers).reshape(-1, 3)
-    if not len(points) or not np.isfinite(points[:, :2]).all():
-        raise MapError(f"{named(path)} needs at least two points with finite x and y; got {len(points)}.")
+    if not len(points):
+        raise MapError(f"{named(path)} has a header but no points; it needs at least two.")
+    if not (finite := np.isfinite(points[:, :2]).all(axis=1)).all():
+        raise MapError(
+            f"{named(path)}: x and y of each point must be finite; those of point {np.argmin(finite) + 1} are not."
+        )
     first = points[:, :2].min(axis=0)
     gaps = [np.diff(np.unique(np.round(column, 6))) for column in points[:, :2].T]
     spacing = round(float(min((gap.min() for gap in gaps if gap.size), default=0.0)), 6)
@@ -139,12 +143,17 @@ def _table(data: bytes, path: str | Path, name: str) -> tuple[FloatArray, float,
     places = np.rint(steps)
     columns_, rows = (int(most) + 1 for most in places.max(axis=0))
     off = np.abs(steps - places).max(axis=1) > OFF_GRID
-    if off.any() or rows * columns_ > MOST_SAMPLES:
+    if off.any():
         i = int(np.argmax(off))
         raise MapError(
-            f"{named(path)} must have its points on a grid with equal steps in x and y, at most {MOST_SAMPLES:,}. Its "
-            f"smallest step is {spacing:g} m, but the point ({points[i, 0]:g}, {points[i, 1]:g}) m is off that grid. "
-            "Interpolate scattered points first, for example by scipy.interpolate.griddata."
+            f"{named(path)} must have its points on a grid with equal steps in x and y. Its smallest step is "
+            f"{spacing:g} m, but the point ({points[i, 0]:g}, {points[i, 1]:g}) m is off that grid. Interpolate "
+            "scattered points first, for example by scipy.interpolate.griddata."
+        )
+    if rows * columns_ > MOST_SAMPLES:
+        raise MapError(
+            f"{named(path)} spans a grid of {columns_:,} x {rows:,} points at its smallest step of {spacing:g} m; at "
+            f"most {MOST_SAMPLES:,} are read. Interpolate to a larger step, or leave out points that lie far away."
         )
     values = np.full((rows, columns_), np.nan)
     u, v = places.astype(np.int64).T
