@@ -134,7 +134,7 @@ class FitCheck:
 
     @property
     def doubt(self) -> float:
-        """Return the doubt whether a weighted sum describes the person; see the module."""
+        """Return the doubt whether a weighted sum describes the person: `lost` - `expected` + `evidence_ratio`."""
         return self.lost - self.expected + self.evidence_ratio
 
     @property

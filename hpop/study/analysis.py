@@ -325,10 +325,10 @@ def _answers(
 
 
 def _simulated_rating(form: Form, item: Item, felt: float) -> float:
-    """Return the value on an item's scale for a simulated discomfort: the larger, the further from the better end.
+    """Return the value on an item's scale for a simulated discomfort ``felt``: more is further from the better end.
 
-    On scales whose high end is the better one, such as comfort, :data:`SPREAD` is added to the discomfort ``felt``, so
-    that no discomfort is not yet a perfect rating.
+    On scales whose high end is the better one, such as comfort, :data:`SPREAD` is added to the discomfort, so that
+    no discomfort is not yet a perfect rating.
     """
     values = form.scale_of(item).values
     felt += SPREAD if form.better == "high" else 0.0

@@ -57,10 +57,10 @@ class Condition:
     """Stimulus of a study, which participants know only by a letter.
 
     id        "A", "B", ...: assigned at random, so that it does not reveal the row
-    row       row of the front; None for the still view (what the camera sees at the start) and for baselines
-    name      name by which the row was chosen, such as "knee", or of a baseline; "" if it was chosen by its number
+    row       row of the front; None for the still view (what the camera sees at the start), a live session, a baseline
+    name      name by which the row was chosen, such as "knee", "" for a number; name of a baseline; else the kind
     kind      "ride", "video", "view" for the still view, or "live" for a live session, which the participant drives
-    costs     by criterion; empty for the still view
+    costs     by criterion; empty for the still view and a live session
     duration  s, of the executed motion; for the still view and a live session the mean of the others
     """
 

@@ -122,10 +122,12 @@ class Item(_Part):
 class Score(_Part):
     """Number that a form computes from answers. Exactly one of subscale, of, mean_of and sum_of is given.
 
+    What it gives is multiplied by ``times`` and divided by ``out_of``.
+
     subscale  the raw sum of the items in this subscale
     of        the sum of the raw sums of several subscale scores (the total of the SSQ)
     mean_of   the mean of several scores
-    sum_of    their sum
+    sum_of    the sum of several scores
     times     factor
     out_of    divisor
     """

@@ -52,7 +52,7 @@ class StimulusCondition(Protocol):
     """Interface of a condition, with what its stimulus needs.
 
     id        its letter
-    row       row of the front; None for the still view and for baselines
+    row       row of the front; None for the still view, a live session and baselines
     kind      "ride", "view", "video", or "live", which has no stimulus
     duration  s, of a still view
     """
