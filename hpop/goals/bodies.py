@@ -200,7 +200,10 @@ class LookAt(Region):
         return REACHED, self.angle_tolerance
 
     def coordinates(self, pose: Pose) -> tuple[Column, ...]:
-        """Return distance, m, the target's angles left of and above the middle of the view, and the roll error, rad."""
+        """Return distance, m, the target's angles left of and above the middle of the view, and the roll error, rad.
+
+        There is no roll error if any roll is allowed.
+        """
         offset = self._offset(pose)
         return norm(offset), *off_axis(pose, offset), *(() if self.roll is None else (self._off_roll(pose),))
 

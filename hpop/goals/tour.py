@@ -244,7 +244,7 @@ class Tour:
 
     @property
     def has_many_layers(self) -> bool:
-        """True if there are too many layers for a search over all states of each stop."""
+        """True if the tour has too many layers (sets of decided stops) for a search over all states of each stop."""
         return len(self.layers) > max(MOST_LAYERS, len(self.stops) + 1)
 
     @cached_property

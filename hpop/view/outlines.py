@@ -171,7 +171,7 @@ def draw_cones(
 def cone_points(model: Model, pose: Pose, reach: float) -> FloatArray:
     """Return the corners (N, 1 + K, 3), m, of N view cones: the camera, then K points at the distance ``reach``, m.
 
-    A camera that sees all round has a narrow cone ahead.
+    An angle of view of half a turn or more is drawn as a narrow one, ahead.
     """
     h, v = (angle if angle < math.pi else POINTER for angle in field_of_view(model))
     b, e = (grid.ravel() for grid in np.meshgrid(0.5 * h * RIM, 0.5 * v * RIM))

@@ -361,7 +361,7 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
 
 
 def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError for another number.
+    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError for more or fewer cells.
 
     At most one byte more is decompressed than these cells take.
     """

@@ -216,7 +216,7 @@ class CameraRoll:
 
 
 def _slant(camera: Pose) -> Column:
-    """Return |ρ| cos ε, rad, from the components of the world's vertical along the camera's axes left and up."""
+    """Return |roll| cos(pitch) of a camera, rad, from the components of the vertical along its axes left and up."""
     aside, along = camera.left[2], camera.up[2]
     return hypot(aside, along) * angle_between((0.0, 1.0, 0.0), (aside, along, 0.0))
 

@@ -299,7 +299,7 @@ class SpaceInTime(StateSpace):
     def implied(self, what: str) -> dict[str, float]:
         """Return the values that a state gets for pace and time if the user leaves them out.
 
-        ``what`` is "start" for the start of a problem, which gets the time 0, or anything else.
+        ``what`` is "start" for the start of a problem, which gets the time 0; every other state gets the last time.
         """
         return {PACE: 0.0, TIME: 0.0 if what == START else self.high[-1]}
 

@@ -32,7 +32,7 @@ RAYS = 2
 class Panorama:
     """Renderer of panoramas of a scene, all of one width.
 
-    scene
+    scene  what is drawn
     width  columns, even; there are half as many rows
 
     Columns are evenly spaced in bearing and rows in elevation: column c has the bearing (W/2 - c - 1/2) 2 pi / W from

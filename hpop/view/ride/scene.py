@@ -50,9 +50,9 @@ class Prism:
     rings   (K, 2)  m  corners, not closed: the outer ring counter-clockwise, then holes clockwise
     low, high       m  heights of its bottom and top, finite
     number          identifies the prism in ``Panorama.numbers``: 1, 2, ... in the order of ``ViewScene.prisms``
-    colour
+    colour          (red, green, blue), 0 to 255
     is_wall         whether it is drawn with a skirting (a dark strip at its foot)
-    name
+    name            name of the obstacle, or ""
     solid           the true shape, if it is not upright
     """
 
@@ -317,7 +317,7 @@ def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
 
 
 def colour_of(name: str) -> Colour:
-    """Return an obstacle's colour. It depends only on the name without digits, so "chair 1" and "chair 2" match."""
+    """Return an obstacle's colour by its name without digits at the ends, so "chair 1" and "chair 2" match."""
     name = name.strip(" _-0123456789") or name
     return surfaces.THINGS[zlib.crc32(name.encode("utf-8", "replace")) % len(surfaces.THINGS)]
 

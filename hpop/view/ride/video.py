@@ -54,7 +54,7 @@ AXES = (
 class Clip:
     """Video to be made of one trajectory.
 
-    problem
+    problem  problem whose world is drawn
     planned  the trajectory
     run      the executed trajectory
     rate     frames a second

@@ -133,7 +133,7 @@ def rotate(x: Any, y: Any, yaw: float) -> tuple[Any, Any]:
 
 
 def overlaps(a: tuple[float, float], b: tuple[float, float]) -> bool:
-    """Return whether two open height ranges share a point; touching ranges do not."""
+    """Return whether two open height ranges share a point; touching ranges do not. (z, z) counts as the height z."""
     return a[0] < b[1] and b[0] < a[1]
 
 
