@@ -316,8 +316,8 @@ def most_informative_pair(
     draws
         Equally weighted draws of the posterior.
     asked
-        Earlier pairs, in the order in which they were shown. None is repeated; a reversed pair is asked only if there
-        is no new pair.
+        Earlier pairs, in the order in which they were shown. No pair is repeated; an earlier pair is asked in reverse
+        order only if there is no new pair.
     ties
         True if "no difference" is a possible answer.
     """
