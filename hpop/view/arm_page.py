@@ -177,7 +177,11 @@ def _collision(collision: ArmCollision, work: TwoArms | None) -> dict[str, Any]:
 
 
 def _body(scene: ArmScene, b: int, name: str, shown: int, link: bool) -> dict[str, Any]:
-    """Return body ``b`` of a scene as JSON; ``shown`` is the number of the shape that is drawn for it."""
+    """Return body ``b`` of a scene as JSON.
+
+    shown  number of the shape that is drawn for it
+    link   whether it is a link of an arm, also an enlarged one, rather than an obstacle
+    """
     bodies = scene.bodies
     return {
         "name": printable(name),

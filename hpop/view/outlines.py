@@ -59,7 +59,10 @@ def robot_outlines(trajectories: Sequence[Trajectory], flatten: Flatten) -> list
 
 
 def outlines_at(model: Model, states: States, flatten: Flatten, *, watched: bool = False) -> list[BaseGeometry]:
-    """Return the robot's outlines, m, in states (N,), or those of a working arm that it watches, by ``bodies``."""
+    """Return the robot's outlines, m, in states (N,), by its ``bodies``.
+
+    watched  whether to return the outlines of the working arm that the robot watches instead; [] if there is none
+    """
     bodies, own = model.bodies(states), None
     if "time" in model.provides:
         own = len(cast(ModelInTime, model).timeless.bodies(states))
@@ -87,7 +90,7 @@ def draw_robot(axes: Axes, outlines: Sequence[BaseGeometry], named: Sequence[Mar
 def draw_outlines(
     axes: Axes, outlines: Sequence[BaseGeometry], label: str, *, watched: bool = False, zorder: float = 2.5
 ) -> list[Patch]:
-    """Draw outlines of the robot, or of a working arm that it watches; return the legend entry, with a label."""
+    """Draw outlines of the robot, or (``watched``) of a working arm that it watches; return the legend entry."""
     if not outlines:
         return []
     look, gid = (WATCHED_LOOK, "working arm") if watched else (LOOK, "robot")

@@ -119,7 +119,10 @@ class Quantity:
 
 
 def label(name: str, unit: str, counts: bool, what: str = "") -> str:
-    """Return the axis label of a quantity; ``what`` says what it measures, if its name does not.
+    """Return the axis label of a quantity.
+
+    counts  whether its values are whole numbers by nature
+    what    what it measures, if its name does not say it
 
     >>> label("clearance", "m", False, "shortfall"), label("openness", "1", False, "unseen share")
     ('clearance (shortfall, m)', 'openness (unseen share)')
@@ -143,7 +146,7 @@ def stacked(words: str) -> str:
 
 
 def value_text(value: float, unit: str, counts: bool) -> str:
-    """Format a value with its unit, to three digits.
+    """Format a value with its unit, to three digits; to whole numbers if it ``counts`` something or is large.
 
     >>> value_text(16.0, "m", False), value_text(4.0, "1", True), value_text(1234.5, "s", False)
     ('16.0 m', '4', '1234 s')

@@ -1,4 +1,4 @@
-"""Rooms, walls and doors of floor plans: walls along lines and round rooms, opened at doors.
+"""Rooms, walls and doors of floor plans: walls along lines and around rooms, opened at doors.
 
 In indoor maps rooms share walls, and doors are points or lines. In drawings the swing of a door is an arc, which would
 close an open passage if it were a wall.

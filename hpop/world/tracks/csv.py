@@ -189,7 +189,10 @@ def tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | None = Non
 
 @dataclass(frozen=True)
 class _Lines:
-    """Text of a file, to find the line number of a faulty row for an error message."""
+    """Text of a file, to find the line number of a faulty row for an error message.
+
+    header  whether the first row has titles, and so is no row of the table
+    """
 
     text: str
     header: bool
