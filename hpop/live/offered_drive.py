@@ -54,10 +54,8 @@ class OfferedDrive:
         self.prefix: Trajectory | None = None
         self.goal: Destination | None = None
         self.offer: Offer | None = None
-        self._pushes, self._pushed = (
-            0,
-            -math.inf,
-        )  # pushes by which plans changed beside requests; time of the last push
+        self._pushes = 0  # number of pushes that have changed the plan beside a request
+        self._pushed = -math.inf  # s, time of the last push beside a request
 
     def _offer_rest(self, now: float, lead: float = LEAD, *, anew: bool = False) -> Offer | None:
         """Store and return the offer of the ways that the present drive can still take; None without a drive.

@@ -235,7 +235,7 @@ class LivePlanner(OfferedDrive):
         yield {"type": "why", "sentence": sentence, "exact": found.exact, "costs": found.numbers, "line": line}
 
     def explore(self, now: float, pose: Pose) -> Iterator[Message]:
-        """Return the data of the explorer's page for the front of the ways that were offered last; None for none."""
+        """Yield the message "explorer": data of its page for the front of the ways that were offered last, or None."""
         offer, data = self.offers[-1][1] if self.offers else None, None
         if offer is not None and (offer.options is None or self.drive is not None):
             data = explorer_payload(self._problem_of(offer), offer.ways.front, preference=self.preference)

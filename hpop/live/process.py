@@ -88,7 +88,7 @@ class PlannerProcess:
             watch = asyncio.get_running_loop().call_later(self.limit, self._hung)
             self._running[self._number] = _Running(kind == "push", time.monotonic(), watch)
             values = {name: value() if callable(value) else value for name, value in given.items()}
-            with suppress(OSError, RuntimeError):  # it is about to be seen that the process has ended
+            with suppress(OSError, RuntimeError):  # the process has ended, which `_one` will notice
                 process.stdin.write(json.dumps({"id": self._number, "kind": kind, **values}).encode() + b"\n")
 
     def _done(self, number: int) -> None:

@@ -73,7 +73,7 @@ class Restrictor:
         known = [each.name for each in fields(cls)]
         if not isinstance(given, Mapping) or "least" not in given or not set(given) <= set(known):
             raise ModelError(
-                f"restrictor must have the keys least, speeds and rates, of which least is needed; got {shown(given)}"
+                f"restrictor must have the key least, and may have speeds and rates, but no others; got {shown(given)}"
             )
         return cls(**given)
 
@@ -205,8 +205,8 @@ class ViewModel(_OfRobot):
     yaw         rad, for "unwound": yaw of the middle of the view in the world
     restrictor  :class:`Restrictor` that narrows the field of view while the view moves, or its parameters by name
 
-    A level view has the yaw that remains of the camera's rotation without the smallest tilt that brings the camera's up
-    to the vertical. Without roll it is the camera's yaw. For a camera that is upside down it is not defined.
+    A level view has the yaw of the camera after the smallest rotation that makes the camera upright. Without roll it is
+    the camera's own yaw. For a camera that is upside down it is not defined.
 
     Goals for the camera, such as ``look_at``, still ask for the robot's own camera. A restrictor that never narrows the
     view is dropped.

@@ -106,7 +106,9 @@ class FitCheck:
         Raises StudyError for rows that the front does not have, and if neither is :attr:`row`.
         """
         if self.row not in (first, second):
-            raise StudyError(f"a question of the test must show row {self.row}, got rows {first} and {second}")
+            raise StudyError(
+                f"a question of the test must show row {self.row}, got rows {first} and {second}; ask about next_pair()"
+            )
         costs = self.person.scale.costs_on(self.person.points)  # type: ignore[arg-type]
         return replace(self, answers=(*self.answers, answer_of(first, second, chosen, costs)))
 

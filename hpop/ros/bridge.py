@@ -252,12 +252,12 @@ class Pace:
 
 @checked_arguments
 class Bridge:
-    """Client of rosbridge that offers the actions of a server until it is stopped.
+    """Client of rosbridge that passes messages between it and a server until it is stopped.
 
     Parameters
     ----------
     url : such as ws://localhost:9090, or wss://
-    server : answers the goals that come, such as a :class:`PathServer`
+    server : answers goals that come, such as a :class:`PathServer`, or sends one (:class:`.GoalSender`)
     say : called with a line of text for each event
     delays : (first, longest), s, before attempts to connect again; each delay is twice the one before
 

@@ -192,7 +192,7 @@ class FollowServer(RobotServer):
         return str(action)
 
     def turn(self, now: float) -> Command | None:
-        """Return the command at a time, s; send what has happened, and the state now and then."""
+        """Return the command at a time, s, None for none; send what has happened, and the state every `TOLD` s."""
         step = self.follower.step(now)
         for event in step.events:
             self._send_event(event)

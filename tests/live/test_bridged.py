@@ -121,7 +121,7 @@ def test_it_stops_before_what_appears_on_its_map_and_knows_the_people(bridge: Fa
         assert others == [3.0, 0.5, 0.0]
         assert 2.0 <= x < 2.5
         bridge.tell("/hpop/stop", {"data": True})
-        driver.until(lambda: "told to stop" in driver.robot.trouble())
+        driver.until(lambda: "stopped by its topic" in driver.robot.trouble())
     assert bridge.log == []
 
 

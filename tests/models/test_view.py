@@ -229,7 +229,7 @@ REFUSED: dict[str, dict[str, Any]] = {
     "model must be a robot with a camera": {"model": 3},
     "it is a view itself": {"model": hpop.ViewModel()},
     "turning must be one of fixed, level, unwound, got 'free'": {"turning": "free"},
-    "restrictor must have the keys least": {"restrictor": {"speeds": (0, 1)}},
+    "restrictor must have the key least": {"restrictor": {"speeds": (0, 1)}},
     r"rates must be \(from, to\) with from below to": {"restrictor": {"least": (1, 1), "rates": (1, 1)}},
     "field_of_view must be": {"restrictor": {"least": 1}},
 }

@@ -48,10 +48,10 @@ class _OfField:
 
 @dataclass(frozen=True)
 class _Graded(_OfField):
-    """Base class for criteria by which a field's value costs 0 up to ``good`` and 1 at ``bad``."""
+    """Base class for criteria that grade values of a field: 0 at ``good`` or better, 1 at ``bad``, more beyond."""
 
-    good: float  # value, in the unit of the field, at which it costs nothing
-    bad: float  # value at which a second costs a second; below good if high values are good, else above
+    good: float  # value, in the unit of the field, that counts 0, as all better values do
+    bad: float  # value that counts 1, and worse ones more; below good if high values are good, else above
     field: str = ""  # name of the measured field; may be left out if the world has one
 
     def __post_init__(self) -> None:
@@ -61,7 +61,7 @@ class _Graded(_OfField):
         self._require_field()
 
     def _grade(self, value: Column) -> Column:
-        """Return the cost per second (N,) of values of the field."""
+        """Return the grades (N,) of values of the field."""
         return np.maximum((self.good - value) / (self.good - self.bad), 0.0)
 
 

@@ -51,7 +51,7 @@ class ChainSpeedGraph(WrappedGraph):
 
     @cached_property
     def _speeds(self) -> FloatArray:
-        """Speed (c,), m/s, of moves in each class, if the model's moves have the column ``speed``."""
+        """Speed (c,), m/s, of the moves in each class; zeros if the model has no ``speed_classes``."""
         return np.tile(self.model.speed_classes or [0.0], len(self.model.paces) or 1)
 
     def _has_speed(self, kind: str) -> bool:
