@@ -240,7 +240,7 @@ class ViewModel(_OfRobot):
 
     @property
     def carrier(self) -> Model:
-        """The robot, whose camera is as it is built."""
+        """Robot that carries the camera; its body "camera" is the real camera, not the view."""
         return self.model
 
     def with_scene(self, world: World) -> ViewModel:
