@@ -268,9 +268,9 @@ class FitCheck:
         return np.asarray(LAPSE / 2 + (1.0 - LAPSE) * wins)
 
     def _evidence_of_sum(self, scale: CostScale) -> float:
-        """Return the log evidence of a weighted sum of costs on a scale: their probability of all answers, as a mean.
+        """Return the logarithm of the probability of all answers by a weighted sum of costs on a scale.
 
-        The mean is over the prior of the weights, before any answer.
+        The probability is a mean over the prior of the weights, before any answer.
         """
         prior = replace(self.person.prior, concentration=(), about=(), _stretch=())
         draws = Draws.of(prior, len(scale.columns), DRAWN, np.random.default_rng([self.person.seed, 6]))

@@ -80,8 +80,9 @@ def with_speeds(ends: Ends, model: Model, criteria: Sequence[Criterion], *, movi
 class SpeedGraph(WrappedGraph):
     """Graph of speeds: layers of an inner graph, and a node for each copy of a join (:class:`.speed_joins.JoinCopies`).
 
-    A join is an arc that connects a start, goal or stop to the graph. With L - 1 classes there are L layers, and state
-    v of the inner graph has the node v * L + l in layer l. Nodes of joins come last.
+    A join is an arc that connects a start, goal or stop to the graph. There are L layers: rest, one for each speed, and
+    one for each slower turn rate. State v of the inner graph has the node v * L + l in layer l. Nodes of joins come
+    last.
 
     inner     graph of states, with start and goals among its nodes
     speeds    m/s, rising: the classes
