@@ -80,8 +80,8 @@ class Sighting:
     def people(self, at: float) -> tuple[Person, ...]:
         """Return the people, as predicted for a time, s; those of the scenario if no message of people has come yet.
 
-        Long after the last message there are no people; if the scenario has people, one far away stands for them, as a
-        criterion may need one.
+        There are no people if the last message names none, or was sent over `PEOPLE_LAST` + 5 s before. If the scenario
+        has people, one person far away then stands for them, as a criterion may need one.
         """
         own = self.planner.problem.world.content.people
         if self._people is None:
