@@ -57,16 +57,16 @@ BUILDERS = re.compile(r"of|load|read|build|fit|through|from_\w+")
 
 
 class AnyColumn:
-    """Stand-in for the type ``Column``: an array, a number or CasADi's symbols."""
+    """Type that is checked in place of the alias ``Column``: an array, a number or CasADi's symbols."""
 
 
 class AnyArray:
-    """Stand-in for the type ``ArrayLike``: an array, or nested sequences of numbers."""
+    """Type that is checked in place of the alias ``ArrayLike``: an array, or nested sequences of numbers."""
 
 
 WORDS |= {AnyColumn: "an array of numbers", AnyArray: "an array of numbers"}
 ALIASES = {"Column": AnyColumn, "ArrayLike": AnyArray}
-"""Stand-ins for type aliases, such as ``Column = Any``, that allow more than is meant."""
+"""Types that are checked in place of aliases, such as ``Column = Any``, which would allow more than is meant."""
 
 
 def checked_arguments(target: T) -> T:

@@ -93,9 +93,8 @@ def at_speed(trajectory: Trajectory, speed: float) -> Trajectory:
 def joined(first: Trajectory, second: Trajectory) -> Trajectory:
     """Join two trajectories; the second begins where the first ends, up to whole turns of angles.
 
-    If it begins at another speed, a change of speed is inserted.
-
-    Raises DriveError if the second begins at another state.
+    If the second begins at another speed, a change of speed is inserted. Raises DriveError if it begins at another
+    position, heading or joint value.
     """
     model, space = first.model, first.model.space
     end, begin = first.states.take(slice(-1, None)), second.states.take(slice(0, 1))

@@ -195,8 +195,9 @@ class StopLog(EventLog):
     def skip(self, stop: str, now: float | None = None) -> tuple[str, ...]:
         """Skip a stop of the tour, given by name; return the names of the stops that remain.
 
-        The robot keeps its plan until an option is taken; the next options leave the stop out. Raises DriveError if the
-        stop is unknown, or was visited, passed over or skipped before. Then the drive does not change.
+        The robot keeps its plan until an option is taken; the next options leave the stop out. Raises DriveError if
+        there is no tour, or the stop is unknown, or was visited, passed over or skipped before. Then the drive does
+        not change.
 
         now  s; by default the time of the last event
         """

@@ -44,8 +44,8 @@ class DriveSurroundings:
     """The world of a drive from some time on, and the problem of the drive in it.
 
     problem   problem in this world; its time begins at `since`
-    bare      the world without people and without named closed areas
-    closings  areas that have been closed
+    bare      the world without people and without named keep-out zones
+    closings  areas that are closed now, except the bodies of standing people
     areas     all areas with a name: zones of the map, and areas closed during the drive
     since     s, time of the drive at which the predictions of people begin
     bodies    closed areas of the standing people
@@ -175,7 +175,7 @@ class DriveSurroundings:
         return replace(self._changed(self.since, people), stopping=(taken_to_stop(self.people, stopped),))
 
     def _place_of(self, person: Any) -> int:
-        """Return the index of a person, given by index, by name, or as a `Person`; DriveError if no or several fit."""
+        """Return the index of a person, given by index, name or `Person`; DriveError unless exactly one person fits."""
         names = [known.name for known in self.people]
         if is_whole(person) and 0 <= person < len(names):
             return int(person)

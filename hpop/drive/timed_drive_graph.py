@@ -285,7 +285,7 @@ class TimedDriveGraph:
     def remaining_paths(
         self, node: int, at: float, known: Iterable[ScheduledPath], deadline: float | None
     ) -> TimedPaths:
-        """Return all non-dominated paths from a node at time ``at`` of the drive, s, or the paths found in time.
+        """Return all non-dominated paths from a node at time ``at`` of the drive, s, or those found until the deadline.
 
         known     known paths from any node
         deadline  s of processor time of this thread, None for no deadline

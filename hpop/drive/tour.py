@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 class TourProgress:
     """Stops of a tour that are done at some time of a drive.
 
-    tour         the tour, with the stops that are done
+    tour         the tour; its stops that are done include skipped ones, and those passed over
     since        s since the plan began; no further visit may begin before this time
     visits       visits so far, in order of time; their times are in s, on the clock of the drive
     passed_over  names of the optional stops that were missed because a later stop was visited

@@ -86,10 +86,10 @@ class Draws:
         return draws.resampled(known, prior, rng) if draws.effective < LEAST_EFFECTIVE else draws
 
     def resampled(self, known: Evidence, prior: Prior, rng: np.random.Generator) -> Draws:
-        """Return at most ``RENEWED`` draws of equal weight, each moved by the random walk.
+        """Return at most ``RENEWED`` draws of equal weight; those of sharpness above 0 are moved by the random walk.
 
-        ``known`` are all answers. Where the sharpness is 0, answers carry no information on shares, so these shares are
-        drawn from the prior.
+        ``known`` are all answers. Where the sharpness is 0, answers carry no information on shares and ties, so these
+        are drawn from the prior.
         """
         draws = self.equally_weighted(min(len(self), RENEWED), rng)
         sharp = draws.sharpness > 0

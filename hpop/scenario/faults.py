@@ -31,7 +31,7 @@ OTHER_WORDS = {
     "begin": "start",
     "scale": "resolution",
 } | dict.fromkeys(("costs", "objectives"), "criteria")
-"""Keys that users write, by the key that a scenario has."""
+"""For wrong keys that users write, the key that a scenario has."""
 EXPECTED = {
     "string_type": "text",
     "float_type": "a number",

@@ -44,7 +44,9 @@ def farthest_off(limits: DriveLimits, delay: float = 0.0, slip: float = 0.0, noi
     whose body is larger by this distance, the real one should touch nothing that stands.
 
     limits  of the base
-    delay   s, of commands; slip, share of the wheels' motion; noise, m, of measured positions
+    delay   s, after which a command takes effect
+    slip    largest share by which a wheel drives less far than it turns
+    noise   m, largest error of measured positions
     """
     return limits.speed * (0.06 + 0.2 * delay + 1.2 * slip) + noise
 
@@ -58,7 +60,7 @@ class Simulation:
     measured  (N, 3)     measured poses: x m, y m, yaw rad
     commands  (N, 2)     speed m/s and turn rate rad/s
     people    (N, P, 4)  x m, y m, vx m/s, vy m/s; NaN for a person who is absent
-    radius    m, of a person
+    radius    m, of each person; the largest one, if they differ
     off       (N,)       m, distance from the pose of the plan at which the robot should be
     bound     m, bound of ``off`` that was expected before the drive (:func:`farthest_off`)
     late      s, largest time by which the robot was behind its plan

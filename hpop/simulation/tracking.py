@@ -293,7 +293,7 @@ def _bounded(correction: float, most: float) -> float:
 def _spare(limits: DriveLimits, times: FloatArray, v: FloatArray, w: FloatArray) -> float:
     """Return the share by which a base can be faster than a plan: 0.1 if it can drive all of it 1.1 times as fast.
 
-    At most 1; negative if the base is slower than the plan.
+    At least 0, even if the base is slower than the plan, and at most 1.
 
     times, v, w  (N,)  s, m/s, rad/s: time, speed and turn rate of the plan
     """

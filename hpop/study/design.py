@@ -111,9 +111,10 @@ class Design:
 
         Parameters
         ----------
-        rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`, two to 26; "view" is the still
-            view from the start, a baseline with the mean duration of the others; "live" is a live session, in which the
-            participant drives (`hpop study live`)
+        rows : numbers, "knee", "least NAME", or the result of :func:`hpop.study.pick`; "view" is the still view from
+            the start, a baseline with the mean duration of the others; "live" is a live session, in which the
+            participant drives (`hpop study live`). With the baselines these are two to 26 stimuli, at least one of
+            them a row of the front
         participants : number of participants, a multiple of the number of orders, so that these are equally frequent;
             for "permutations" other numbers are refused, for "williams" and "latin" a note says so
         consent : text that a participant reads and agrees to before anything else

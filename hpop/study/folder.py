@@ -194,7 +194,8 @@ class Checked(NamedTuple):
 def check(folder: str | os.PathLike[str]) -> Checked:
     """Check the front, stimuli, pages and answers in a study's folder, and return faults and notes.
 
-    Raises StudyError if the folder has no valid design, or too many files of answers.
+    Raises StudyError if the folder has no valid design, too many files of answers, or a live session's record of an
+    unexpected participant or size; OutputError for a file that is no record.
     """
     target = Path(folder)
     design = Design.load(target)

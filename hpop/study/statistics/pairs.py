@@ -107,10 +107,10 @@ def wilcoxon(first: Any, second: Any, *, zeros: Zeros = "pratt", exact: bool = T
 
 
 def signed_ranks(differences: FloatArray, zeros: Zeros = "pratt") -> FloatArray:
-    """Return the ranks of the absolute differences, each with the sign of its difference; zeros get no rank.
+    """Return the ranks of the absolute differences, without zeros, each with the sign of its difference.
 
-    With "pratt", zeros are ranked too, and their ranks then left out, so the ranks of the others are larger. Otherwise
-    zeros are left out before ranking.
+    With "pratt", zeros are ranked too, and their ranks then left out, so the other ranks are larger. Otherwise zeros
+    are left out before ranking.
     """
     kept = differences if zeros == "pratt" else differences[differences != 0]
     ranks = np.asarray(stats.rankdata(np.abs(kept))) * np.sign(kept)
