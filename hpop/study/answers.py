@@ -184,10 +184,10 @@ class Answers:
 
     @property
     def faults(self) -> tuple[str, ...]:
-        """Return faults of the answers as text: incomplete sessions, missing items, videos that were not watched to their
-        end, rides that were not drawn smoothly.
+        """Return faults of the answers as text: incomplete sessions, missing items, faulty stimuli.
 
-        A session that its participant stopped is not a fault; see :attr:`noted`.
+        Faulty stimuli are videos that were not watched to their end, and rides that were not drawn smoothly. A session
+        that its participant stopped is not a fault; see :attr:`noted`.
         """
         said = []
         for session in self.sessions:
