@@ -47,7 +47,7 @@ def dominates(a: ArrayLike, b: ArrayLike) -> bool:
 
 @checked_arguments
 def is_nondominated(Y: ArrayLike) -> BoolArray:
-    """Mark the rows of ``Y`` that no other row dominates; of equal rows, mark the first.
+    """Mark the rows of ``Y`` that no other row dominates; of equal ones among these, only the first.
 
     Every row that is not marked is equal to a marked row or dominated by one. Only the order of the numbers matters. So
     each number is replaced by its rank in its column before the sweep of moocore (Kung, Luccio and Preparata 1975).

@@ -210,7 +210,7 @@ def _free_trajectories(
 
     A motion that several trajectories share is checked once. A curve depends on the motions before and after it, so
     trajectories with curves are checked one by one, as are trajectories without motions. This is done only for the
-    indices in ``selected``; for others of these trajectories the result means nothing.
+    indices in ``selected``; for trajectories of these two kinds that are not selected, the result means nothing.
     """
     collision = problem.model.collision(problem.world)
     colliding = np.zeros(len(table), dtype=bool)

@@ -67,7 +67,8 @@ class Integral:
 def integral_of(mean: Criterion) -> Criterion:
     """Return the additive criterion that a search minimises instead of a time-mean.
 
-    This is the criterion that the time-mean names as its stand-in; by default, its integral over time.
+    This is the sum that the time-mean declares in ``integral``, with the quantum that the user set for it. If it
+    declares none, it is the integral of the mean over time.
     """
     return stand_in_of(mean) or cast(Criterion, Integral(mean))
 

@@ -41,6 +41,7 @@ POSITIONS = re.compile(rf"{POSITION.pattern}(?:[\s;]+{POSITION.pattern})*", re.I
 def passage_of(problem: Problem, place: Any) -> Passage:
     """Return the passage that a place describes: words, a shape of shapely, or positions (x, y), m.
 
+    Words are "left of NAME", "right of NAME", "between NAME and NAME", the name of a zone, or positions as "x,y".
     Left and right are those of a traveller from start to goal, along the straight line between them. A path passes left
     of an obstacle if it crosses, an odd number of times, the line that leaves the obstacle's leftmost point at a right
     angle to the left, up to the border of the map. "Between" is the shortest line between two obstacles.
@@ -296,7 +297,10 @@ class CostLimit:
 
     @classmethod
     def of(cls, wish: str | Mapping[str, float], front: Front, row: int) -> CostLimit:
-        """Return the bounds of a wish; words mean less of a cost than the given row of the front has."""
+        """Return the bounds of a wish: words such as "fewer turns", or bounds by name, ``{"turns": 3}``.
+
+        Words mean less of the cost than the given row of the front has; "hurry" means less duration.
+        """
         if isinstance(wish, str):
             match = LESS.fullmatch(wish.strip())
             if match is None and wish.strip().lower() != HURRY:

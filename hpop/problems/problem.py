@@ -226,9 +226,10 @@ class Problem:
     def evaluate(self, of: Trajectory | Front, *, also: Sequence[CriterionSpec] = ()) -> dict[str, float] | Front:
         """Return a trajectory's costs by criterion, or a front with further criteria.
 
-        The front must be of this problem, but for start and goal. The criteria in ``also`` are evaluated on its
-        trajectories and become further reported columns. They are not optimised: other trajectories may be better in
-        them, and the certificate says so. They are saved with the front, and ``hpop show`` re-evaluates them too.
+        The front must be of a problem with this world, robot, criteria and quanta. The criteria in ``also`` are
+        evaluated on its trajectories and become further reported columns. They are not optimised: other trajectories
+        may be better in them, and the certificate says so. They are saved with the front, and ``hpop show``
+        re-evaluates them too.
 
         Parameters
         ----------

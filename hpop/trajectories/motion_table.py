@@ -205,9 +205,9 @@ class MotionTable:
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able, exact description for a saved front.
 
-        States and motions are tables of columns by name. ``start``, ``end`` and ``kind`` are row numbers in these, and
-        so are the motions of each trajectory. ``punctual`` has the row numbers of punctual trajectories, if there are
-        any.
+        States and motions are tables of columns by name. ``start`` and ``end`` are row numbers in the table of states,
+        ``kind`` is an index into ``kinds``, and each trajectory has the row numbers of its motions. ``punctual`` has
+        the numbers of the punctual trajectories, if there are any.
         """
         ends = np.cumsum(self.counts)
         motions = self.motions.tolist()

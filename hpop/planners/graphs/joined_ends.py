@@ -156,7 +156,10 @@ class JoinedEnds(WrappedGraph):
         return replace(self, inner=change(self.inner))
 
     def at_rest(self, ids: IntArray) -> BoolArray:
-        """Return a mask (N,): True for the ends, and for states of the inner graph in which the robot may stand."""
+        """Return a mask (N,): True for the ends, and for states of the inner graph in which the robot may stand.
+
+        It is False for a start to which the robot comes at a speed (:meth:`.StateGraph.arriving_at`).
+        """
         return self.inner.at_rest(ids)
 
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:

@@ -143,7 +143,10 @@ class RunSpeedGraph(StateGraph):
         return self.inner.cut_corners(tails % self.inner.size, kinds, blocked % self.inner.size)
 
     def places(self, ids: IntArray) -> IntArray:
-        """Return the number (N,) of the place of each node; a position has another one for driving than for rest."""
+        """Return the number (N,) of the place of each node.
+
+        A position has two places: one for the nodes at rest there, and one for those with a speed.
+        """
         every = int(self.inner.places(np.arange(self.inner.size)).max(initial=-1)) + 1
         return np.asarray(self.inner.places(ids % self.inner.size) + every * ~self.at_rest(ids))
 

@@ -126,8 +126,8 @@ class Stretches(NamedTuple):
     def trajectories(self, model: Model, kinds: tuple[str, ...]) -> tuple[Trajectory, ...]:
         """Return the n stretches as trajectories of a robot model.
 
-        The trajectories share the arrays of ``states``, which become read-only. Raises ModelError if the model cannot
-        execute one of the motions.
+        The trajectories share the arrays of ``states``, which become read-only. Raises ModelError if one of the motions
+        does not follow the motion law of its kind.
 
         kinds  names of the kinds of motion, to which the field ``kinds`` refers by index
         """

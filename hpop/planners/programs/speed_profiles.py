@@ -215,7 +215,10 @@ class Profiles:
 
     @cached_property
     def _scale(self) -> tuple[FloatArray, FloatArray]:
-        """Scales of the programs: ds/dt of the given trajectory at each position, and its sum (N,) over both ends."""
+        """Scales of the programs: ds/dt of the given trajectory at each grid position, and in each interval (N,).
+
+        That of an interval is the sum of the values at its two ends.
+        """
         pace = np.concatenate([stretch.pace for stretch in self.stretches])
         return pace, pace[self.first] + pace[self.first + 1]
 

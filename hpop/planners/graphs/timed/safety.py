@@ -159,7 +159,10 @@ class Safety:
 
     @cached_property
     def touched(self) -> tuple[Person, ...]:
-        """Possible futures of people in contact with the robot at a start, or by a chance above 5 % within a second."""
+        """Possible futures of people in contact with the robot at a start, when a plan begins there.
+
+        A person whose position is uncertain counts if the chance of contact is above 5 % at a time within a second.
+        """
         pairs = ((start, person) for start in self.starts for person in self.people)
         return tuple(dict.fromkeys(person for start, person in pairs if self._touches(start, person)))
 

@@ -348,7 +348,7 @@ class _Layering:
 
 
 def table_rows(timed: GraphOnClock, origins: IntArray, ends: BoolArray) -> IntArray:
-    """Return the row of the tables for each arc (c,), given by its arc in one layer; NONE for arcs without.
+    """Return the row of each arc (c,) in the tables, given its arc in one layer; NONE for an arc without a row.
 
     ends  (c,)  whether paths end with the arc
     """

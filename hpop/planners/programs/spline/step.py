@@ -222,6 +222,8 @@ class StepPrograms:
 class StepProgram:
     """Quadratic program for steps from one spline, for trust regions of any size.
 
+    knots        the spline from which steps go
+    aim          weights, bounds and scales of the costs
     costs        (k,)    costs of the spline
     gradients    (k, V)  their derivatives by the V variables of the program
     curvature    (V, V)  Hessian of the merit (:meth:`Aim.merit`), positive semidefinite; its upper triangle, sparse by
