@@ -106,9 +106,10 @@ class Lines:
     def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:
         """Return the collected lines; raise `ChildRefused` if a requested layer is missing.
 
-        Arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of each line's first point; ``width``,
-        ``layer`` and ``area`` (m,) of each line: 0 for a pen stroke, an index into the word ``layers``, and a number
-        that lines round one filled area share, 0 for others. Words: names of layers, and counts.
+        Arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of each line's first point. Arrays
+        (m,), one number for each line: ``width``, its thickness, 0 for a pen stroke; ``layer``, an index into the word
+        ``layers``; ``area``, a number that the lines round one filled area share, 0 for others. Words: names of layers,
+        and counts.
 
         known  names of all layers that the file lists, including layers without lines
         words  further words of the answer

@@ -257,7 +257,7 @@ def _text(get: Any) -> str:
 
 
 def _add(raw: Any, path: Any, matrix: Matrix, layer: str, clip: Visible, lines: Lines, *, shown: bool) -> None:
-    """Add the visible lines of a path to ``lines``, if it draws dark lines or fills; ``clip`` is its visible part."""
+    """Add the visible lines of a path to ``lines``, if it draws dark lines or fills; only ``clip`` is visible."""
     fill, stroke = ctypes.c_int(), ctypes.c_int()
     if not raw.FPDFPath_GetDrawMode(path, ctypes.byref(fill), ctypes.byref(stroke)):
         return

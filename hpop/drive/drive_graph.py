@@ -1,6 +1,6 @@
 """The graph that all searches of a drive reuse, and known paths on it.
 
-It is built once, in the world without people and without named areas. Closed areas are masks over its arcs. After a
+It is built once, in the world without people and named keep-out zones. Closed areas are masks over its arcs. After a
 change of the world, only criteria that depend on the change are evaluated again.
 """
 
@@ -83,9 +83,9 @@ class DriveGraph:
     ) -> DriveGraph:
         """Build the graph from the start of a problem to its goal; ``inner`` is a graph of states in the bare world.
 
-        The bare world has no people and no named areas; ``closings`` are the closed areas of the problem. If the graph
-        ``like`` is given, stops of a tour have the same states as in ``like``, and the robot may come to the start at
-        any of several speeds. A start ``beside`` the graph is always joined. QueryError if start or goal cannot be.
+        The bare world has no people and no named keep-out zones; ``closings`` are the closed areas of the problem. If
+        the graph ``like`` is given, stops of a tour have the same states as in it, and the robot may come to the start
+        at any of several speeds. A start ``beside`` the graph is always joined. QueryError if start or goal cannot be.
         """
         began = time.perf_counter()
         ends = with_ends(inner, problem, inner.reach(problem), beside=beside)

@@ -389,7 +389,7 @@ class Replanner:
         return self._graph
 
     def _inner(self, now: DriveSurroundings) -> StateGraph:
-        """Return the planner's graph of states in the bare world, without people and named areas."""
+        """Return the planner's graph of states in the bare world, without people and named keep-out zones."""
         family = self.planner.graph_of_drives
         states = None if family is None else family.states(self.problem)
         if states is None:

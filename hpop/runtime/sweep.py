@@ -185,8 +185,9 @@ class Sweep(Generic[S, T, R]):
     ) -> Iterator[tuple[int, R]]:
         """Run tasks on the executor; yield index and result of each.
 
-        The indices of tasks without a result are added to ``lost``. Ctrl-C is delayed whenever futures take their locks
-        (`concurrent.futures.wait` takes all of them), but not while this method waits for a result.
+        The indices of tasks that failed or could not be sent are added to ``lost``; those of tasks that ``stop`` ends
+        early are not. Ctrl-C is delayed whenever futures take their locks (`concurrent.futures.wait` takes all of
+        them), but not while this method waits for a result.
         """
         ended: SimpleQueue[Future[Any]] = SimpleQueue()
         pending: dict[Future[Any], range] = {}

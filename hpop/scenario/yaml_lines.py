@@ -207,7 +207,7 @@ def _got(value: object) -> str:
 
 
 def note_on_yaml(got: Any) -> str:
-    """Return an explanation if YAML has read a value differently than it looks, such as 1e3 as text; else ""."""
+    """Return a hint if YAML read a value differently than it looks (1e3 as text), or it has a unit (5 cm); else ""."""
     if isinstance(got, list | dict):
         got = got.values() if isinstance(got, dict) else got
         return next(filter(None, map(note_on_yaml, got)), "")
