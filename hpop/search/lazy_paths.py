@@ -155,7 +155,10 @@ class LazyRun:
             keeper.begin(self._arrays())
 
     def go(self) -> ParetoPaths:
-        """Run rounds until all paths of a front are free, or a limit or Ctrl-C comes; return the free paths."""
+        """Run rounds until all paths of a front are free, or a limit or Ctrl-C comes; return the free paths.
+
+        Ctrl-C before the first search has returned any front raises KeyboardInterrupt.
+        """
         try:
             status = self._search_until_free()
         except KeyboardInterrupt:

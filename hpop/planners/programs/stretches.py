@@ -1,9 +1,9 @@
 """Path of a trajectory, cut into stretches between standstills, each on a grid of path positions.
 
-Let q be the coordinates of a robot: the way driven and the heading of a base, and the joints that it carries; or the
-joints of an arm. A stretch has a
-path coordinate s, which grows by the length of dq with each coordinate divided by its largest speed. So the unit of s
-is the second, and ds/dt is about 1 at full speed. Between two neighbouring grid positions, dq/ds is quadratic in s.
+Let q be the coordinates of a robot: the distance driven and the heading of a base, and the joints that it carries; or
+the joints of an arm. A stretch has a path coordinate s, which grows by the length of dq with each coordinate divided by
+its largest speed. So the unit of s is the second, and ds/dt is about 1 at full speed. Between two neighbouring grid
+positions, dq/ds is quadratic in s.
 """
 
 from __future__ import annotations

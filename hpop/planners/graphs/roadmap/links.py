@@ -172,7 +172,10 @@ Rows = Callable[[int], FloatArray]
 
 
 def uniform_samples(connections: Connections, number: int, rng: np.random.Generator, spending: Spending) -> FloatArray:
-    """Draw ``number`` collision-free states (n, k) uniformly from the space; fewer if nearly all draws collide."""
+    """Draw ``number`` collision-free states (n, k) from the space; fewer if nearly all draws collide.
+
+    They are uniform but for rest positions, which half of them have (:meth:`hpop.motions.StateSpace.sample`).
+    """
     space = connections.space
     return _free_draws(connections, lambda count: connections.rows(space.sample(rng, count)), number, spending)
 

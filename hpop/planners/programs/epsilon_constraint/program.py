@@ -260,9 +260,9 @@ class PolylineProgram:
         return self._values(polyline, corrections)[1].ravel()
 
     def corrections(self, polyline: Polyline) -> FloatArray | None:
-        """Return the error of the program for each criterion that is a maximum, in a row for each motion.
+        """Return the errors of the program: a row for each motion, a column for each criterion that is a maximum.
 
-        It is the exact value of the motion minus the program's value. Fields are off by a tenth of a cell or more
+        An error is the exact value of the motion minus the program's value. Fields are off by a tenth of a cell or more
         midway between two obstacles, where optima of the clearance lie, and by far less elsewhere. So each motion has
         its own correction. The result is None if there is no such criterion or no free coordinate.
         """
