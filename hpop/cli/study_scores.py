@@ -63,7 +63,8 @@ def score(folder: Path) -> None:
 def report(folder: Path, named: str, method: str, correction: str | None, out: Path | None) -> None:
     """Test a score of the answers; write a report.
 
-    The report has a page, tables, figures, and code that repeats the analysis.
+    The report has a page, tables, figures, and code that repeats the analysis. The exit code is 17 if the front has
+    changed since the study began.
     """
     answers = hpop.study.Answers.load(folder)
     analysis = hpop.study.analyse(
