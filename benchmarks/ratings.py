@@ -41,7 +41,8 @@ class Comparison:
     def rows(self) -> list[dict[str, Any]]:
         """Return a row a criterion that differs between the conditions: its costs, and its rank correlations."""
         table = []
-        for name in sorted(registry.criteria):
+        own = registry.criteria.own()  # of the user, and of tests
+        for name in sorted(set(registry.criteria) - set(own)):
             if any(f.default is f.default_factory is MISSING for f in fields(registry.criteria[name])):
                 continue  # needs a target or a file
             try:

@@ -134,7 +134,7 @@ def test_the_best_row_is_where_the_expected_cost_is_least() -> None:
     costs = draws.shares @ rows.T
     regrets = (costs - costs.min(axis=1, keepdims=True)) / np.ptp(costs, axis=1, keepdims=True)
     np.testing.assert_allclose(best.regrets, draws.probability() @ regrets, atol=0.02)
-    probability, regret = row_probability_and_regret(rows, person._equal_draws(2_000), best.row)
+    probability, regret = row_probability_and_regret(rows, person.equal_draws(2_000), best.row)
     assert (probability, regret) == pytest.approx((best.probability[best.row], best.regret), abs=1e-12)
     assert set(best.near) == set(np.flatnonzero(best.regrets <= best.regret + 0.02).tolist())
     assert best.near[0] == best.row
