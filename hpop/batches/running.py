@@ -38,7 +38,9 @@ from hpop.world import World
 
 SLOTS = 32  # number of cases sent at once to an executor that does not report its number of workers
 POLL = 0.1  # s between two checks for Ctrl-C
-LOST = "the workers cannot be reached; finished cases are saved, and running the batch again continues from there"
+UNREACHABLE = (
+    "the workers cannot be reached; finished cases are saved, and running the batch again continues from there"
+)
 DIED = "the worker process that solved this case died: it was killed, ran out of memory or crashed"
 VERSIONS = f"hpop {__version__}; numpy {np.__version__}; python {platform.python_version()}"
 
@@ -317,7 +319,7 @@ class Workers:
             rows = self._result_rows(future, job)
         except BrokenExecutor as error:
             if not self._owned:
-                raise OutputError(f"{LOST} ({error})") from None
+                raise OutputError(f"{UNREACHABLE} ({error})") from None
             at_work = [job, *self._pending.values()]
             self._pending.clear()
             self._renew()
@@ -362,7 +364,7 @@ class Workers:
         except BrokenExecutor:
             raise
         except CancelledError as error:
-            raise OutputError(f"{LOST} ({type(error).__name__})") from None
+            raise OutputError(f"{UNREACHABLE} ({type(error).__name__})") from None
         except Exception as error:  # an error of the executor, such as a Dask worker that died repeatedly
             return [_error_row(f"the worker failed: {type(error).__name__}: {error}")]
         if results is None:
@@ -385,6 +387,6 @@ class Workers:
         with interrupts_held():
             future = self._sweep[1].submit([task], with_shared=with_shared)
             if future is None:
-                raise OutputError(f"{LOST} ({'; '.join(self._sweep[1].notes)})")
+                raise OutputError(f"{UNREACHABLE} ({'; '.join(self._sweep[1].notes)})")
             self._pending[future] = job
             future.add_done_callback(self._ended.put)

@@ -373,10 +373,14 @@ def why_nothing(status: str) -> str:
 
 
 def numbers(values: FloatArray, quantum: float) -> list[str]:
-    """Format a column of costs, with enough digits to distinguish values that differ by a quantum.
+    """Format each cost of a column by :func:`number`, with up to six more digits until costs a quantum apart differ.
+
+    The texts may have different numbers of decimals, because costs below 0.1 get significant digits.
 
     >>> numbers(np.array([41.29117, 41.29132, 3.0]), 1e-6), numbers(np.array([3.0, 3.0000001]), 1e-6)
     (['41.2912', '41.2913', '3.0000'], ['3.000', '3.000'])
+    >>> numbers(np.array([3.0, 0.0123456, 0.05, 1e-9]), 1e-6)
+    ['3.000', '0.01235', '0.05', '0']
     """
     kinds = len(distinct(np.rint(values / quantum)))
     for more in range(MOST_DIGITS):

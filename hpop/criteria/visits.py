@@ -216,7 +216,10 @@ def weight_of(tour: Tour, stops: Sequence[int], weights: Weights) -> float:
 
 
 def missed_weights(criteria: Sequence[Criterion]) -> Weights:
-    """Return the weights of optional stops that the criterion stops_missed has, if it is among some criteria."""
+    """Return the weights of optional stops, by name, that the criterion stops_missed has.
+
+    Returns {} if stops_missed is not among the criteria, or has no weights.
+    """
     missed = index_of_role("stops_missed", criteria)
     return {} if missed is None else cast("StopsMissed", criteria[missed]).weights or {}
 

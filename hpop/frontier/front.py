@@ -246,8 +246,11 @@ class ItemFront(Choices[T], Generic[T]):
         except TypeError:
             return self._selected(*choices.kept(index, len(self)))
         if not -len(self) <= row < len(self):
-            known = f"from {-len(self)} to {len(self) - 1}" if len(self) else "left out"
-            raise IndexError(f"an index must be {known} in a front of {len(self)} points, got {row}")
+            if not len(self):
+                raise IndexError(f"a front without points has no row {row}")
+            raise IndexError(
+                f"an index must be from {-len(self)} to {len(self) - 1} in a front of {len(self)} points, got {row}"
+            )
         return self._point(row % len(self))
 
     def _point(self, row: int) -> ItemPoint[T]:

@@ -247,7 +247,7 @@ class Region(GoalDefaults, ABC):
         return frozenset({self.body})
 
     def states(self, problem: Problem, rng: RNG, count: int) -> States:
-        """Return at most ``count`` distinct states (n,) of the goal; fewer if more random starts find no others.
+        """Return n distinct states of the goal, with columns (n,); n is at most ``count``, less if no others are found.
 
         Raises QueryError if none is found, with the distance of the nearest state, or why states were not accepted.
         """

@@ -13,7 +13,7 @@ from hpop.base.text import printable, shown
 from hpop.errors import OptionError
 from hpop.motions import Model
 from hpop.problems.problem import Problem
-from hpop.view.ride.page import licence, links_of, tilted_solids
+from hpop.view.ride.page import licence, links_of, solids_not_upright
 from hpop.view.ride.scene import ViewScene
 from hpop.view.style import label
 
@@ -54,7 +54,7 @@ def scene_of(problem: Problem, title: str) -> dict[str, Any]:
         "type": "scene",
         "title": printable(title),
         "scene": seen.description(),
-        "solids": tilted_solids(seen),
+        "solids": solids_not_upright(seen),
         "links": links_of(model, state),
         "field_of_view": None if fov is None else list(fov),
         "criteria": [

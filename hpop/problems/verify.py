@@ -122,8 +122,9 @@ def _contacts(problem: Problem, front: Front, say: Callable[[str], None] | None)
 def _visit_faults(problem: Problem, front: Front) -> Iterator[str]:
     """Yield a text for each fault of the visits of a tour's stops that a front records.
 
-    Each visit is checked on samples of its trajectory. If the execution keeps the times of the plan, it may stand for
-    less time than the plan, so visits with a dwell time are checked on samples of the execution as well.
+    Each visit is checked on samples of its trajectory. In a punctual trajectory, planned among people who move, the
+    robot brakes and starts within the planned time of a stand, so it stands for less time than planned. Only there,
+    visits with a dwell time are checked on samples of the execution as well.
     """
     tour = problem.tour
     if tour is None:

@@ -103,7 +103,7 @@ class Draft(NamedTuple):
     problem the problem that is planned
     step    m, step of the lattice
     status  status and reason if no path was found, else None
-    middle  m, position halfway along a shortest path; the start if no path was found
+    middle  m, position at half the duration of a shortest path; the start if no path was found
     """
 
     problem: Problem

@@ -36,7 +36,7 @@ from hpop.runtime.status import Progress, ProgressCallback, progress_callback
 from hpop.study.conditions import STOP_RULE
 from hpop.study.documents import Words, words
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.ride.page import licence, links_of, tilted_solids, track
+from hpop.view.ride.page import licence, links_of, solids_not_upright, track
 from hpop.view.ride.scene import ViewScene
 from hpop.view.ride.video import save_video
 from hpop.view.single_page import single_page
@@ -196,7 +196,7 @@ def _page(
         "name": name,
         "still": is_still,
         "scene": _without_names(scene.description()),
-        "solids": tilted_solids(scene),
+        "solids": solids_not_upright(scene),
         "links": links_of(trajectory.model, trajectory.states),
         "field_of_view": None if fov is None else list(fov),
         "track": {"name": name, "label": "", "rates": None, "costs": [], **ridden},

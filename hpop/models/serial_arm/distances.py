@@ -259,7 +259,8 @@ def closest(
 def _shares(simplex: FloatArray, shares: FloatArray) -> int:
     """Write the barycentric coordinates (3,) of the point of a simplex nearest to the origin; return their number.
 
-    The simplex has only corners that span the nearest point. Returns 0 if the origin is inside the simplex.
+    The simplex must have no other corners than those that span this point, as ``distance`` leaves it. Returns 0 if the
+    origin is inside the simplex, or if a triangle is flat.
     """
     size = 0
     while size < 4 and simplex[size, 3] < math.inf:

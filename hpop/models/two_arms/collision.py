@@ -250,9 +250,12 @@ class TwoArmsJudge:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _BetweenArms(ArmJudge):
-    """Collision test of a viewing arm with a working arm for verification, at states in which both move.
+    """Collision test of a viewing arm with a working arm that moves at the same time, for verification.
 
-    arms  both arms; ``chain`` and the first of ``parts`` are those of the viewing arm
+    Obstacles, and contacts of an arm with itself, are not tested here. A state has the viewing arm's joints and a time,
+    from which the working arm's joints follow.
+
+    arms  both arms; ``chain`` is the viewing arm's; ``parts`` are first the viewing arm's, then the working arm's
     """
 
     arms: TwoArms

@@ -300,7 +300,7 @@ class Search(ABC):
             if reached == len(values):
                 return at, f
             if reached >= 0 or not self.widen():
-                raise Unsound("a saved partial path is no path of this graph")
+                raise Unsound("a partial path saved in the checkpoint is no path of this graph")
 
     @abstractmethod
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:

@@ -85,8 +85,11 @@ def body_of(shape: Shape, pose: FloatArray | None = None) -> BodyMesh:
     return BodyMesh(points, triangles)
 
 
-def tilted_solids(scene: ViewScene) -> list[dict[str, Any]]:
-    """Return as JSON the true shapes of solids that panoramas draw as larger upright prisms."""
+def solids_not_upright(scene: ViewScene) -> list[dict[str, Any]]:
+    """Return as JSON the true shapes of solids that are no upright prisms, such as spheres and tilted boxes.
+
+    Panoramas draw them as upright prisms round them.
+    """
     return [
         body_of(prism.solid.shape, prism.solid.pose).description(prism.number, prism.colour)
         for prism in scene.prisms
@@ -243,7 +246,7 @@ def ride_payload(problem: Problem, front: Front, rows: Sequence[int | str], *, b
         "version": VERSION,
         "blind": blind,
         "scene": scene.description(),
-        "solids": tilted_solids(scene),
+        "solids": solids_not_upright(scene),
         "links": links_of(first.model, first.states),
         "field_of_view": None if fov is None else list(fov),
         "criteria": [{"name": printable(c.name), "unit": printable(words(c)), "group": c.group} for c in told.values()],

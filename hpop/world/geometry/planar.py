@@ -106,7 +106,7 @@ def _pieces(edges: FloatArray) -> tuple[IntArray, FloatArray]:
 
 
 def _curve(points: FloatArray) -> IntArray:
-    """Return the positions (P,) of points (P, 2) along a Morton curve, which orders near points mostly together."""
+    """Return for each point (P, 2) its place along a Morton curve, a number: near points mostly have near numbers."""
     low = points.min(axis=0)
     side = max(float((points.max(axis=0) - low).max()), 1e-9)
     cells = np.minimum((points - low) / side * 2**BITS, 2**BITS - 1).astype(np.int64)

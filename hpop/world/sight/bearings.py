@@ -96,7 +96,7 @@ class Bearings:
         return self._distances(bearing)(x, y)
 
     def layers(self, nearest: float) -> FloatArray:
-        """Return coefficients (H, W, 3 B) of three splines per bearing, cached for each ``nearest``, m.
+        """Return spline coefficients by bearing, (H, W, 3 B), or (H, W, 4 B) with contrasts; cached by ``nearest``, m.
 
         The last axis has B distances d, then B values of 1 / max(d, nearest), 1/m, then B weights w, 0 or 1, and then B
         contrasts if there are any. H and W include the padding. A reader blends two inverses of d: the second spline
