@@ -81,10 +81,10 @@ def test_a_wait_ends_though_its_thread_does_not_notice_the_signal(wait: Callable
         signal.pthread_kill(threading.get_ident(), signal.SIGINT)
 
     begun = Event()
-    other = Thread(target=press)
-    other.start()
-    threading.Timer(0.1, begun.set).start()
-    with pytest.raises(KeyboardInterrupt):
+    other, timer = Thread(target=press), threading.Timer(0.1, begun.set)
+    with pytest.raises(KeyboardInterrupt):  # also where the signal comes before the wait
+        other.start()
+        timer.start()
         wait()
     other.join()
     assert handlers() == {interrupt}
