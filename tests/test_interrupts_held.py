@@ -81,11 +81,16 @@ def test_a_wait_ends_though_its_thread_does_not_notice_the_signal(wait: Callable
         signal.pthread_kill(threading.get_ident(), signal.SIGINT)
 
     begun = Event()
-    other, timer = Thread(target=press), threading.Timer(0.1, begun.set)
-    with pytest.raises(KeyboardInterrupt):  # also where the signal comes before the wait
+
+    def pressed() -> None:
+        """Wait; the signal may also come before the wait, on a machine that is busy."""
         other.start()
-        timer.start()
+        threading.Timer(0.1, begun.set).start()
         wait()
+
+    other = Thread(target=press)
+    with pytest.raises(KeyboardInterrupt):
+        pressed()
     other.join()
     assert handlers() == {interrupt}
 
