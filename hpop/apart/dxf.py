@@ -54,7 +54,10 @@ class _PlacedEntity(NamedTuple):
 
 
 class _EntityWalk:
-    """Walk through the visible entities of a drawing, including those in blocks.
+    """Walk through the entities of a drawing, including those in blocks.
+
+    Entities with the flag "invisible" are left out. Those on hidden layers are not, but for references to blocks on
+    frozen layers.
 
     lines   collector of lines, which counts entities that are left out
     frozen  names of frozen layers, in lower case; a reference to a block on such a layer hides all the block's contents
@@ -64,7 +67,7 @@ class _EntityWalk:
         self._lines, self._frozen = lines, frozen
 
     def within(self, entities: Any, matrix: Any, around: str, deep: int) -> Iterator[_PlacedEntity]:
-        """Yield visible entities, those of a block once for each reference to the block.
+        """Yield entities that are not flagged invisible, those of a block once for each reference to the block.
 
         Layer 0 within a block stands for the layer of the reference. Matrices are multiplied here, because ezdxf would
         change a reference in a stretched block into a form that it can represent.

@@ -165,7 +165,8 @@ class Tour:
     def _checked_pair(self, pair: Any) -> tuple[int, int]:
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise QueryError(
-                f"each pair of the order must be two stops, the first before the second, got {shown(pair)}"
+                "each pair of the order must be two stops, the one to visit first and the one to visit after it, got "
+                f"{shown(pair)}"
             )
         first, second = (self._index(stop) for stop in pair)
         return first, second

@@ -257,7 +257,7 @@ class StudyServer(PageServer):
         return next((participant for participant in people if same(token, self.token_of(participant))), None)
 
     def _check_owner(self, request: Request, participant: str) -> None:
-        """Raise Refusal if the token of a request belongs to another participant."""
+        """Raise Refusal unless a request has the participant's own token; a server without tokens refuses none."""
         if self.token and self._owner(request.scope["token"]) != participant:
             raise Refusal(HTTPStatus.NOT_FOUND, "there is nothing here")
 

@@ -93,7 +93,11 @@ class _Mismatch:
 
 
 def _fine(m: Motions) -> Motions:
-    """Return motions with more quadrature intervals if they turn in place, where the camera's speed changes fast."""
+    """Return motions with ``PANELS`` quadrature intervals in each phase if the base stands, as in turns and lifts.
+
+    The camera's speed changes fast there. Parts of motions, symbols, laws with adaptive quadrature, and motions with
+    panels that are set are returned unchanged.
+    """
     if not m.whole or m.panels is not None or m.law.quadrature == "adaptive" or {"x", "y"} & m.law.varies:
         return m
     if any(is_symbolic(getattr(m.start, name)) for name in m.start.names):

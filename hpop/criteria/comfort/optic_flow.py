@@ -22,7 +22,7 @@ from hpop.world.sight.bearings import ALL_ROUND, MARGIN, REACH, ViewAngles, as_s
 def rays_of_view(view: FieldOfView, bearings: int) -> FloatArray:
     """Return directions spread evenly over a field of view, as unit vectors (K, 3) in the camera's frame.
 
-    bearings  number of directions along the whole horizon that would be as dense
+    bearings  number of directions along the whole horizon that would be as dense; K is at least this number
     """
     width, height = view
     spacing = 2.0 * math.pi / bearings

@@ -145,7 +145,7 @@ def _check(pairs: IntArray, outcome: IntArray, names: Sequence[str]) -> None:
         groups = "; ".join(", ".join(names[int(i)] for i in np.flatnonzero(part == one)) for one in range(parts))
         raise StudyError(
             f"some groups of stimuli were always preferred to others, or never compared with them: {groups}. Their "
-            "strengths are unbounded; report the counts, or ask more people"
+            "strengths are unbounded; give the counts of the choices in your paper, or ask more people"
         )
 
 
@@ -209,7 +209,9 @@ def _maximum_likelihood(features: FloatArray, outcome: IntArray) -> tuple[FloatA
         while _likelihood(chosen, features, estimate + step) < reached - 1e-9 * len(outcome):
             step /= 2
         estimate = estimate + step
-    raise StudyError(f"no strengths were found in {MOST_STEPS} steps; report the counts")
+    raise StudyError(
+        f"no strengths were found in {MOST_STEPS} steps; give the counts of the choices in your paper instead"
+    )
 
 
 def _likelihood(chosen: FloatArray, features: FloatArray, estimate: FloatArray) -> float:

@@ -175,8 +175,8 @@ def _pairs(segments: FloatArray, what: str, margin: float = 0.0) -> Iterator[tup
         looked += int(np.count_nonzero(later))
         if looked > MOST_PAIRS:
             raise MapError(
-                f"{what} has {len(segments):,} segments, too many of which lie across one another for a floor plan. "
-                "Simplify it, or leave it out."
+                f"{what} has {len(segments):,} segments, of which more than {MOST_PAIRS:,} pairs lie so near "
+                "that they may cross, too many for a floor plan. Simplify it, or leave it out."
             )
         yield segments[first[later] + begin], segments[second[later]]
         begin += step

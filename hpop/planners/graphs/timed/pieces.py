@@ -145,7 +145,7 @@ def strips(
 
 
 class Separation(NamedTuple):
-    """Distances (T,) that a robot needs from a person at some times; it is enough to have one of the two.
+    """Distances (T,) from a person at some times; a robot is far enough away if it keeps at least one of the two.
 
     gap   m  between the surfaces
     axis  m  from the robot's axis to the person's centre

@@ -224,7 +224,7 @@ class CellCandidate:
     """Candidate found within the bounds of a cell.
 
     solved      polyline with exact costs
-    planned     (k,) costs as a program computes them
+    planned     (k,) costs of its polyline, smooth ones over the pieces of segments
     provenance  how it was found, for the front
     """
 

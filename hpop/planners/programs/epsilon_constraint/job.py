@@ -292,7 +292,7 @@ class _Attempt:
         return costs
 
     def _planned(self, solved: FreePolyline) -> FloatArray:
-        """Return the costs (k,) of a polyline as a program computes them: integrated over the pieces of segments."""
+        """Return the costs (k,) of a polyline: smooth ones over the pieces of segments and turns, others exactly."""
         batches = PolylineMotions(solved.polyline.structure).of(self.job.problem, solved.polyline)
         planned = solved.costs.copy()
         for j in self.job.roles.smooth if solved.polyline.structure.segments else ():
