@@ -128,8 +128,8 @@ RECIPES = [
     ),
     example(
         "11_wifi_survey",
-        {"map": "An office, shaded by the strength of its Wi-Fi; paths that trade it against turns and length"},
-        " ../shared/data/pal_office/map.yaml",
+        {"map": "A floor, shaded by the strength of its Wi-Fi; paths that trade it against turns and length"},
+        " examples/notebooks/floor.yaml 1.2 -3 12.6 2.3",
     ),
     Recipe(
         "paper_figure",
