@@ -13,7 +13,7 @@ import hpop.errors
 from hpop.view import save_pictures
 from hpop.world import read_field
 
-ACCESS_POINTS = [(0.85, 0.52), (0.4, 0.8)]  # shares of the map's width and height
+ACCESS_POINTS = [(0.2, 0.2), (0.85, 0.52)]  # shares of the map's width and height
 SURVEYED = 0.86  # of the map's height: the north was not surveyed
 AT_ONE_METRE, EXPONENT = -40.0, 3.0  # dBm, and the exponent of the path loss inside buildings
 
