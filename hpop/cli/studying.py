@@ -104,7 +104,8 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
     multiple=True,
     callback=listed,
     default=["ssq,comfort"],
-    help="Questionnaires: ssq, vrsq, fms, comfort, naturalness, mssq, or files of your own. [ssq,comfort]",
+    help="Questionnaires: ssq, vrsq, csq_vr, fms, nasa_tlx, comfort, naturalness, gaming, mssq, or files of your own. "
+    "[ssq,comfort]",
 )
 @click.option(
     "--comparisons/--no-comparisons",
@@ -113,7 +114,9 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
 )
 @click.option("--rest", type=float, default=180.0, metavar="S", help="Least rest between stimuli. [180]")
 @click.option("--video", is_flag=True, help="Show 360 degree videos in your own player instead of rides in the page.")
-@click.option("--language", default="en", metavar="CODE", help="Language of the pages. [en]")
+@click.option(
+    "--language", default="en", metavar="CODE", help="Language of the pages: en, de, fi, or that of --words. [en]"
+)
 @click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")
 @click.option("--seed", type=int, default=0, metavar="N", help="Random seed of letters, orders and pairs. [0]")
 @user_errors

@@ -42,7 +42,7 @@ from hpop.study.conditions import (
     unlike,
 )
 from hpop.study.documents import front_digest
-from hpop.study.forms import Form
+from hpop.study.forms import Form, form_file
 from hpop.study.participants import (
     MOST,
     Departure,
@@ -214,6 +214,11 @@ class Design:
         names = [form.id for form in self.questionnaires]
         if not names or len(set(names)) < len(names):
             raise StudyError(f"a study must have one form or more, each once, got {', '.join(names) or 'none'}")
+        if bare := [form.id for form in self.questionnaires if form.template]:
+            raise StudyError(
+                f"expected forms with questions, got {', '.join(bare)}, whose text is not part of hpop: copy "
+                f"{form_file(bare[0])}, write the authors' questions into it, remove `template`, and give its path"
+            )
         if foreign := [form for form in self.questionnaires if self.language not in form.languages]:
             said = ", ".join(f"{form.id} (but in {', '.join(form.languages)})" for form in foreign)
             raise StudyError(

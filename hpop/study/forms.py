@@ -1,7 +1,7 @@
 """Questionnaires as data: the items of a form, its scales, and the scores that its authors define.
 
-A form is a YAML file. Forms of hpop are named by their id: ssq, vrsq, fms, comfort, naturalness, preference, mssq. Your
-own files are checked as strictly as scenario files. If an answer is missing, the scores that use it are missing too;
+A form is a YAML file. Forms of hpop are named by their id; :func:`shipped` lists them. Your own files are checked as
+strictly as scenario files. If an answer is missing, the scores that use it are missing too;
 they are not computed as if it were 0.
 """
 
@@ -159,6 +159,8 @@ class Form(_Part):
 
     id      its name in designs and answers
     source  authors and publication
+    rights  who may use the texts, and who translated them
+    template  whether the questions are missing, because their rights are not clear: only the structure is known
     when    asked before the first stimulus, after each, or after all: one or more of these
     kind    "ratings" on scales; "pairs": each item compares two stimuli, and the answer is one of them, or none
     better  the better end of its scores, "low" (sickness) or "high" (comfort)
@@ -169,6 +171,8 @@ class Form(_Part):
     id: Id
     title: Text
     source: Words
+    rights: Annotated[str, StringConstraints(max_length=1000)] = ""
+    template: bool = False
     when: Annotated[tuple[When, ...], Strict(False), Field(min_length=1)]
     kind: Literal["ratings", "pairs"] = "ratings"
     better: Literal["low", "high"] = "low"
@@ -196,7 +200,7 @@ class Form(_Part):
                     f"unknown form {shown(str(form))}.{near} hpop has {', '.join(known)}; give a form of your own as a "
                     "path that ends in .yaml"
                 )
-            path = Path(str(resources.files("hpop.study").joinpath("forms", f"{form}.yaml")))
+            path = form_file(str(form))
         try:
             if not path.exists():
                 raise StudyError(f"{path}: no such file; give the path of a form, a YAML file")
@@ -283,6 +287,11 @@ class Form(_Part):
             _require(not made, f"score {score.name}: of adds raw sums, and {', '.join(made)} is no subscale's")
             before[score.name] = score
         return self
+
+
+def form_file(name: str) -> Path:
+    """Return the path of the file of a form that comes with hpop."""
+    return Path(str(resources.files("hpop.study").joinpath("forms", f"{name}.yaml")))
 
 
 def shipped() -> tuple[str, ...]:

@@ -147,9 +147,10 @@ def test_a_study_with_faults_ends_with_its_exit_code(study: Study, planned: Path
         (["--words", "nowhere.json"], 17, "give a translation of"),
         (["--words", "empty.txt"], 17, "empty.txt: expected texts as JSON"),
         (
-            ["--language", "de", "--words", "stop.json"],
+            ["--language", "fr", "--words", "stop.json"],
             17,
-            "without texts in 'de': ssq (but in en), comfort (but in en), preference (but in en); translate the file "
+            "without texts in 'fr': ssq (but in de, en, fi), comfort (but in de, en, fi), preference (but in de, en, "
+            "fi); translate the file "
             "of each, and give the path of the translation; and stop.json lacks the texts agree, ",
         ),
     ],

@@ -130,7 +130,11 @@ def test_who_left_is_followed_by_the_next_person_in_the_same_order(design: Desig
         ({"forms": "ssq"}, "forms must be a list of ids"),
         ({"forms": ["ssq", "ssq"]}, "each once, got ssq, ssq"),
         ({"forms": [], "comparisons": False}, "must have one form or more"),
-        ({"language": "de"}, "forms without texts in 'de': "),
+        ({"language": "fr"}, "forms without texts in 'fr': "),
+        (
+            {"forms": ["ssq", "ipq"]},
+            "expected forms with questions, got ipq, whose text is not part of hpop: copy .*ipq",
+        ),
         ({"strata": {"sex": ("f", "m"), "age": ("a", "b")}}, "expected at least 8"),
         ({"kind": "film"}, "kind must be one of ride, video"),
         ({"seed": -1}, "seed must be"),

@@ -8,8 +8,13 @@ import pytest
 import yaml
 
 from hpop.errors import StudyError
-from hpop.study.forms import Form, shipped
+from hpop.study.documents import words
+from hpop.study.forms import Form, form_file, score, shipped
 
+LANGUAGES = ("de", "en", "fi")
+"""Languages of everything that a participant reads."""
+EQUAL = {"end_labels", "video_title", "ride_begin"}
+"""Texts of the pages that may equal the English ones."""
 MINE = """
 id: mine
 title: {en: Mine}
@@ -32,7 +37,9 @@ def written(folder: Path, text: str) -> Path:
 
 
 def test_the_forms_that_hpop_brings():
-    assert shipped() == ("comfort", "fms", "mssq", "naturalness", "preference", "ssq", "vrsq")
+    assert shipped() == (
+        *("comfort", "csq_vr", "fms", "gaming", "ipq", "mssq", "nasa_tlx", "naturalness", "preference", "ssq", "vrsq"),
+    )
 
 
 @pytest.mark.parametrize("name", shipped())
@@ -40,7 +47,8 @@ def test_a_shipped_form_is_sound_has_its_name_and_survives_json(name):
     form = Form.load(name)
     assert form.id == name
     assert form.source
-    assert "en" in form.languages
+    assert form.rights
+    assert form.languages == (("en",) if form.template else LANGUAGES)
     assert Form.from_dict(form.to_dict()) == form
 
 
@@ -113,3 +121,22 @@ def test_languages_are_those_in_which_all_is_written(tmp_path):
     assert form.languages == ("en",)  # the labels of the scale are English only
     values["scale"]["labels"]["de"] = ["schlecht", "gut"]
     assert Form.load(written(tmp_path, yaml.safe_dump(values))).languages == ("de", "en")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_no_text_for_participants_is_missing_or_left_in_english(language):
+    english, texts = words("en"), words(language)
+    assert texts.keys() == english.keys()
+    kept = {name for name, text in texts.items() if text == english[name]} - EQUAL
+    assert not kept or language == "en"
+    for form in (Form.load(name) for name in shipped() if not Form.load(name).template):
+        asked = [form.ask, *(item.text for item in form.items)]
+        assert not [text[language] for text in asked if language != "en" and text[language] == text["en"]]
+
+
+def test_a_template_has_a_structure_and_is_not_asked(tmp_path):
+    ipq = Form.load("ipq")
+    answers = {item.id: 6.0 for item in ipq.items}
+    assert score(ipq, answers) == {"general": 6, "spatial": 4.8, "involvement": 4.5, "realism": 4.5}
+    given = form_file("ipq").read_text().replace("template: true\n", "")
+    assert not Form.load(written(tmp_path, given)).template
