@@ -74,6 +74,7 @@ from hpop.motions.laws import CHANGE
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.geometry.solids import Shape
+from hpop.world.readers.moveit_parts import placed_scene
 
 AXIS = Mount()  # position of the body "base": on the axis, on the floor
 UNFOLDED = 1e-6  # rad or m: by how much a joint of a folded arm may differ from its folded value
@@ -246,7 +247,7 @@ class MobileArm(OnBase, Model):
 
         Objects that the world attaches to links are among the parts. Its rules for links change the pairs.
         """
-        own = self._with_attached(world)
+        world, own = placed_scene(world, self), self._with_attached(world)
         touching = own.arm.touching | own._touching
         return own.chain, own.parts, pairs_apart(own.parts, own.apart, touching, world.link_rules), world
 

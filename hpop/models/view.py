@@ -34,7 +34,18 @@ Turning = Literal["fixed", "level", "unwound"]
 UPSIDE_DOWN = 1e-9  # least 1 + cos of the camera's tilt for which the yaw of a level view is defined
 OF_ROBOT = (
     *("provides", "space", "laws", "parts", "platform", "mounts", "joints", "executed", "speed_classes", "paces"),
-    *("notes", "links", "field_of_view", "bodies", "connect", "joinable", "judge", "judge_by", "execution"),
+    *(
+        "notes",
+        "links",
+        "link_pose",
+        "field_of_view",
+        "bodies",
+        "connect",
+        "joinable",
+        "judge",
+        "judge_by",
+        "execution",
+    ),
     *("faults", "doubtful"),
 )
 """Members of a model that a view takes from its robot."""

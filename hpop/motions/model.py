@@ -51,6 +51,8 @@ class Model(Protocol):
     with_scene     method: takes a world, returns the robot with the objects that a planning scene attaches to its links
                    (``world.link_rules``); default: the robot as it is
     links          names of links, to which rules of a planning scene (``world.link_rules``) apply; default: none
+    link_pose      method: takes the name of a link and joint values by name, rad or m; returns the pose (4, 4) of the
+                   link in the world, or None if the link moves and the values do not say where; default: None
     joinable       method: takes states a and b (M,), returns a mask (M,): whether ``connect`` leads from a to b itself,
                    not to a later state; default all True
     judge_by       method: takes the name of a collision library and a world, returns the collision test for
@@ -190,6 +192,9 @@ class Model(Protocol):
         def links(self) -> frozenset[str]:
             return frozenset()
 
+        def link_pose(self, link: str, joints: Mapping[str, float]) -> FloatArray | None:
+            return None
+
         def joinable(self, a: States, b: States) -> BoolArray:
             return np.ones(a.size, dtype=np.bool_)
 
@@ -289,6 +294,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "judge_by": _judge_by,
     "with_scene": lambda model, world: model,
     "links": frozenset(),
+    "link_pose": lambda model, link, joints: None,
     "joinable": lambda model, a, b: np.ones(a.size, dtype=np.bool_),
 }
 """Values of a model's optional members."""

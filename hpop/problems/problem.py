@@ -36,6 +36,7 @@ from hpop.runtime.status import ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people
+from hpop.world.readers.moveit_parts import placed_scene
 
 TourSpec = Tour | Mapping[str, Any] | None
 
@@ -96,6 +97,7 @@ class Problem:
                 f"{_lacks(model)}"
             )
         model = with_optional_members(model, MODEL_DEFAULTS).with_scene(world)
+        world = placed_scene(world, model)
         laws_of(model)
         checked = make_criteria(criteria)
         if horizon is not None:

@@ -225,6 +225,8 @@ class LinkRules:
     pairs     by two names, of links or of obstacles, in alphabetical order: whether the two may touch
     others    by name of a link or an obstacle: whether it may touch any body that ``pairs`` does not name with it
     attached  objects that links carry, as the option ``attached`` of an arm lists them
+    frames    by name of an obstacle: frame in which it is given, such as a link, until a robot places it in the world
+    joints    rad or m, by joint of the robot: its state when the scene was saved; read only if a frame may need it
     """
 
     padding: Mapping[str, float] = field(default_factory=dict)
@@ -232,6 +234,8 @@ class LinkRules:
     pairs: Mapping[Pair, bool] = field(default_factory=dict)
     others: Mapping[str, bool] = field(default_factory=dict)
     attached: tuple[Mapping[str, Any], ...] = ()
+    frames: Mapping[str, str] = field(default_factory=dict)
+    joints: Mapping[str, float] = field(default_factory=dict)
 
     def may_touch(self, one: str, other: str) -> bool:
         """Return whether two bodies may touch.
@@ -271,7 +275,7 @@ class LinkRules:
             )
 
     def __bool__(self) -> bool:
-        return bool(self.padding or self.scale or self.pairs or self.others or self.attached)
+        return any((self.padding, self.scale, self.pairs, self.others, self.attached, self.frames))
 
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description; :meth:`build` turns it into equal rules."""
@@ -281,6 +285,7 @@ class LinkRules:
             "pairs": [[*pair, allowed] for pair, allowed in self.pairs.items()],
             "others": dict(self.others),
             **({"attached": [dict(each) for each in self.attached]} if self.attached else {}),
+            **({"frames": dict(self.frames), "joints": dict(self.joints)} if self.frames else {}),
         }
 
     @classmethod
@@ -293,6 +298,8 @@ class LinkRules:
             pairs,
             {str(name): _flag(allowed) for name, allowed in data["others"].items()},
             tuple(map(_attached, data.get("attached", ()))),
+            {str(name): str(frame) for name, frame in data.get("frames", {}).items()},
+            {str(name): float(value) for name, value in data.get("joints", {}).items()},
         )
 
 

@@ -290,3 +290,7 @@ def test_a_scene_that_attaches_objects_to_links_is_refused(tmp_path):
     world, arms = hpop.World.from_moveit_scene(tmp_path / "scene.yaml"), two_arms()
     with pytest.raises(ModelError, match=r"do not take the objects that a scene attaches to links \('cup'\)"):
         hpop.Problem(world, arms, "home", "home", ["duration"])
+    scene = {"world": {"collision_objects": [block | {"header": {"frame_id": "tool"}}]}}
+    (tmp_path / "scene.yaml").write_text(json.dumps(scene))
+    with pytest.raises(ModelError, match=r"objects that a scene gives in the frame of a link \('b'\), since it does"):
+        hpop.Problem(hpop.World.from_moveit_scene(tmp_path / "scene.yaml"), arms, "home", "home", ["duration"])

@@ -297,6 +297,8 @@ class ArmFile(NamedTuple):
               SRDF, one reason for all names, under ""
     hashes    SHA-256 of the URDF, then of each collision mesh, in the order in which the URDF first names them
     srdf_hash  SHA-256 of the SRDF, or None
+    above     joint above each link but the root, by the name of the link
+    stands    by joint that could move but is fixed: its value, rad or m
     """
 
     chain: Chain
@@ -309,6 +311,25 @@ class ArmFile(NamedTuple):
     hashes: tuple[str, ...]
     srdf_hash: str | None
     links: frozenset[str]
+    above: Mapping[str, UrdfJoint]
+    stands: Mapping[str, float]
+
+    def link_pose(self, link: str, values: Mapping[str, float]) -> FloatArray | None:
+        """Return the pose (4, 4) of a link in the root at joint values; None if a moving joint before it has none.
+
+        Joints outside the chain without a value stand where they always do.
+        """
+        pose = np.eye(4)
+        while link in self.above:
+            joint = self.above[link]
+            value = values.get(joint.name)
+            if value is None and joint.mimic is not None and joint.mimic.joint in values:
+                value = joint.mimic.factor * values[joint.mimic.joint] + joint.mimic.offset
+            if value is None and joint.name in self.chain.names:
+                return None
+            value = self.stands.get(joint.name, 0.0) if value is None else value
+            pose, link = joint.origin @ displacement(joint, value) @ pose, joint.parent
+        return pose
 
 
 def read_arm(
@@ -368,8 +389,9 @@ def read_arm(
     states = {} if semantics is None else _named_states(chain, semantics)
     unnamed = {"": NO_SRDF} if semantics is None else _incomplete_states(chain, semantics)
     srdf_hash = None if semantics is None else sha256(semantics.file.data)
-    links = frozenset(robot.links)
-    return ArmFile(chain, parts, touching, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash, links)
+    links, above = frozenset(robot.links), {joint.child: joint for joint in robot.joints.values()}
+    found = (chain, parts, touching, apart, notes, states, unnamed, tuple(hashes.values()), srdf_hash, links)
+    return ArmFile(*found, above, assembly.stands)
 
 
 def _named_states(chain: Chain, semantics: Semantics) -> dict[str, Values]:

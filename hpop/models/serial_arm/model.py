@@ -39,6 +39,7 @@ from hpop.models.serial_arm.meshes import WAYS, Way
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.bodies import WIDEST
+from hpop.world.readers.moveit_parts import placed_scene
 
 if TYPE_CHECKING:
     from hpop.world import World
@@ -221,6 +222,11 @@ class SerialArm(Model):
     def links(self) -> frozenset[str]:
         """Names of all links of the URDF."""
         return self._arm.links
+
+    def link_pose(self, link: str, joints: Mapping[str, float]) -> FloatArray | None:
+        """Return the pose (4, 4) of a link in the world; None if it moves and joint values do not say where it is."""
+        pose = self._arm.link_pose(link, joints)
+        return None if pose is None else pose_matrix("base", self.base) @ pose
 
     @property
     def apart(self) -> frozenset[Pair]:
@@ -405,8 +411,10 @@ class SerialArm(Model):
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
         """Return the arguments of a collision test: chain, parts, pairs of links that are not tested, and ``world``.
 
-        Objects that the world attaches to links are among the parts. Its rules for links change the pairs.
+        Objects that the world attaches to links are among the parts. Its rules for links change the pairs. Objects that
+        a planning scene gives in the frame of a link are placed in the world.
         """
+        world = placed_scene(world, self)
         arm = self.with_attached(world)
         return arm.chain, arm.parts, pairs_apart(arm.parts, arm.apart, arm.touching, world.link_rules), world
 

@@ -252,7 +252,9 @@ class TwoArms(Model):
     # Collision tests
 
     def with_scene(self, world: World) -> TwoArms:
-        """Return this model; raise ModelError if the scene attaches objects to links: it does not say of which arm.
+        """Return this model; ModelError if the scene attaches objects to links, or gives objects in frames of links.
+
+        The scene does not say of which arm these links are.
 
         Raises ModelError as :meth:`hpop.SerialArm.with_scene` does, too.
         """
@@ -260,6 +262,12 @@ class TwoArms(Model):
             raise ModelError(
                 f"two arms do not take the objects that a scene attaches to links ({names}); remove them from the "
                 "scene, and give them to the arm that holds them, with its option attached or SerialArm.holding"
+            )
+        frames = world.link_rules.frames
+        if names := ", ".join(repr(name) for name, frame in frames.items() if frame in self.links | self.work.links):
+            raise ModelError(
+                f"two arms do not take objects that a scene gives in the frame of a link ({names}), since it does not "
+                "say of which arm; give them in the frame of the world"
             )
         self.view.with_scene(world)
         return self

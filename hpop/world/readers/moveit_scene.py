@@ -9,6 +9,7 @@ collision matrix, and objects attached to links. The joint values of the robot a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,9 +25,12 @@ from hpop.world.bodies import LinkRules
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
 from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers.moveit_parts import (
+    WORLD_FRAMES,
     SceneEntry,
     attached_objects,
+    frame_notes,
     is_scene_text,
+    joint_values,
     link_rules,
     rule_notes,
     scene_of_text,
@@ -92,6 +96,7 @@ def read(path: str | Path) -> World:
     objects: dict[str, Object] = {}
     notes: list[str] = []
     rules = LinkRules()
+    states: list[dict[str, float]] = []
     for place, given in enumerate(documents or [None]):
         scene = SceneEntry(f"{named(path)}, message {place}" if several else named(path), given)
         is_diff = scene.get("is_diff").given is True
@@ -103,16 +108,21 @@ def read(path: str | Path) -> World:
             )
         if place and not is_diff:
             objects.clear()
+            states.clear()
             rules = LinkRules()
         _apply(scene, objects, is_diff=is_diff)
         rules = attached_objects(scene.get("robot_state"), link_rules(scene, rules), objects, _placed_shapes)
         notes += [*_unread(scene), *rule_notes(scene, rules, objects)]
+        if any(thing.frame not in WORLD_FRAMES for thing in objects.values()):
+            states += [found for found in (joint_values(scene.get("robot_state")),) if found]
     if several:
         notes.append(
             f"{named(path)} has {len(documents)} messages; the last whole scene and the changes after it are read"
         )
-    frames = {name: thing.frame for name, thing in objects.items()}
-    _check_frames(path, frames)
+    frames = {name: thing.frame for name, thing in objects.items() if thing.shapes}
+    if len({"world", *frames.values()}) > 1 and set(frames.values()) != {""}:
+        stood = states[0] if states and all(state == states[0] for state in states) else {}
+        rules = replace(rules, frames=frames, joints=stood)
     solids = [
         Solid(shape, thing.pose @ within, name) for name, thing in objects.items() for shape, within in thing.shapes
     ]
@@ -123,7 +133,7 @@ def read(path: str | Path) -> World:
         )
     world = World.from_solids(solids)
     source = file_source("moveit_scene", path, {}, content)
-    notes = [*dict.fromkeys(notes), *world.notes]
+    notes = [*dict.fromkeys(notes), *frame_notes(rules), *world.notes]
     return World(world.ground, notes=tuple(notes), link_rules=rules).read_from(source)
 
 
@@ -157,7 +167,7 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
         if operation == REMOVE:
             del objects[name]
             continue
-        frame, base = _resolved(_frame(thing), transforms)
+        frame, base = _resolved(_frame(thing), transforms, objects)
         pose = base @ _pose(thing.get("pose"))
         if operation == MOVE:
             objects[name] = Object(frame, pose, objects[name].shapes)
@@ -165,6 +175,12 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
         shapes = list(_shapes(thing))
         if operation == APPEND:
             known = objects[name]
+            if known.frame != frame:
+                raise (
+                    thing.get("header")
+                    .get("frame_id")
+                    .fault(f"the frame of the object that it extends, {shown(known.frame)}")
+                )
             back = np.linalg.inv(known.pose) @ pose
             objects[name] = known._replace(
                 shapes=[*known.shapes, *((shape, back @ within) for shape, within in shapes)]
@@ -180,6 +196,10 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
     joints = state.get("joint_state").given if isinstance(state.given, dict) else None
     if isinstance(joints, dict) and joints.get("name"):
         yield f"{state.what} is not read; give the start to the problem"
+    moved = state.get("multi_dof_joint_state") if isinstance(state.given, dict) else None
+    transforms = moved.get("transforms").entries() if moved is not None and isinstance(moved.given, dict) else []
+    if any(not np.allclose(_pose(each, "translation", "rotation"), np.eye(4), atol=1e-9) for each in transforms):
+        yield f"{state.what}: multi_dof_joint_state is not read; give the pose of the root link as base of the arm"
     if colours := scene.get("object_colors").entries():
         yield f"{scene.what} has {counted(len(colours), 'colour')} of objects, which are not read"
     things = scene.get("world").get("collision_objects").entries()
@@ -225,9 +245,16 @@ def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
     return found
 
 
-def _resolved(frame: str, transforms: Mapping[str, tuple[str, FloatArray]]) -> tuple[str, FloatArray]:
-    """Follow a frame to its parents; return the last parent, and the pose (4, 4) of the frame in that parent."""
+def _resolved(
+    frame: str, transforms: Mapping[str, tuple[str, FloatArray]], objects: Mapping[str, Object]
+) -> tuple[str, FloatArray]:
+    """Follow a frame to its parents; return the last parent, and the pose (4, 4) of the frame in that parent.
+
+    The frame may be that of an object that is in the scene already.
+    """
     pose = np.eye(4)
+    if frame in objects:
+        frame, pose = objects[frame].frame, objects[frame].pose
     while frame in transforms:
         frame, step = transforms[frame]
         pose = step @ pose
@@ -268,19 +295,6 @@ def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
     if not known or (OPERATIONS[given] != ADD and not is_diff):
         raise operation.fault("0 (add), unless the message is a change of a scene (is_diff: true)")
     return OPERATIONS[given]
-
-
-def _check_frames(path: str | Path, frames: Mapping[str, str]) -> None:
-    """Raise MapError unless all objects are given in the same frame."""
-    known: dict[str, str] = {}
-    for name, frame in frames.items():
-        known.setdefault(frame, name)
-    if len(known) > 1:
-        (frame, first), (other, second) = list(known.items())[:2]
-        raise MapError(
-            f"{named(path)}: object {shown(first)} is given in frame {shown(frame)}, object {shown(second)} in frame "
-            f"{shown(other)}. Give all objects in one frame."
-        )
 
 
 def _placed_shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:

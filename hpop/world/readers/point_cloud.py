@@ -54,6 +54,7 @@ class _PointTable(NamedTuple):
     is_text  whether the numbers are written as text
     order    order of bytes of binary numbers, "<" or ">"
     begin    place of the first point in the file, in bytes
+    note     sentence for the user, or ""
     """
 
     columns: tuple[tuple[str, str, int], ...]
@@ -61,6 +62,7 @@ class _PointTable(NamedTuple):
     is_text: bool
     order: str
     begin: int
+    note: str = ""
 
 
 def read(path: str | Path, *, resolution: float) -> World:
@@ -80,7 +82,7 @@ def read(path: str | Path, *, resolution: float) -> World:
     table = _ply_header(content, path) if content.startswith(b"ply") else _pcd_header(content, path)
     points = _points(content, table, path)
     world = World.from_points(points, resolution)
-    notes = tuple(f"{named(path)}: {note}" for note in world.notes)
+    notes = tuple(f"{named(path)}: {note}" for note in (table.note, *world.notes) if note)
     return World(world.ground, notes=notes).read_from(
         file_source("point_cloud", path, {"resolution": resolution}, content)
     )
@@ -147,7 +149,13 @@ def _pcd_header(content: bytes, path: str | Path) -> _PointTable:
         (name, _known(_known(PCD_TYPES, letter, path), _count(size, path), path), _count(number, path))
         for name, size, letter, number in zip(names, sizes, kinds, counts, strict=True)
     ]
-    return _PointTable(tuple(columns), _count(said["POINTS"][0], path), kind == "ascii", "<", begin)
+    view = said.get("VIEWPOINT", [])
+    note = (
+        f"its VIEWPOINT, {' '.join(view)}, is not applied: points are taken as in the world"
+        if any(word.strip("-0.") for word in view[:3] + view[4:])
+        else ""
+    )
+    return _PointTable(tuple(columns), _count(said["POINTS"][0], path), kind == "ascii", "<", begin, note)
 
 
 def _known(table: Mapping[Any, Any], key: Any, path: str | Path) -> Any:

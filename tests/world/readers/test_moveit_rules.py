@@ -5,7 +5,9 @@ from dataclasses import replace
 
 import fcl
 import numpy as np
+import pinocchio as pin
 import pytest
+from scipy.spatial.transform import Rotation
 
 import hpop
 from hpop.errors import MapError, ModelError
@@ -276,3 +278,103 @@ def test_names_in_a_matrix_that_are_neither_links_nor_obstacles_are_noted_in_a_f
     held = {"link_name": "jib", "object": BALL | {"id": "bal"}}
     right = {"default_entry_names": ["bal", "jib", "ball"], "default_entry_values": [True] * 3}
     assert notes(allowed_collision_matrix=right, robot_state={"attached_collision_objects": [held]}) == []
+
+
+STOOD = {"lift": 0.31, "swing": -0.9, "out": 0.12, "tilt": 0.4, "wick": 0.7}
+SQUARE = {"position": [0.3, -0.2, 0.1], "orientation": [0.1, -0.2, 0.3, 0.9]}
+
+
+def in_frames(folder, *frames, state=STOOD, **rules):
+    """Return a world with a box in each frame, named by it; all have the same pose there."""
+    things = [
+        {"id": f"in {frame}", "header": {"frame_id": frame}, "pose": SQUARE}
+        | {"primitives": [{"type": "box", "dimensions": [0.1, 0.2, 0.3]}]}
+        for frame in frames
+    ]
+    joints = {"joint_state": {"name": [*state], "position": [*state.values()]}}
+    return world_of(folder, things=things, **{"robot_state": joints} | rules)
+
+
+def crane_problem(folder, world, **parameters):
+    return hpop.Problem(world, crane(folder, **parameters), (0, 0, 0, 0), (0.1, 0, 0, 0), ["duration"])
+
+
+def test_objects_in_the_frame_of_a_link_stand_where_pinocchio_has_the_link(tmp_path):
+    """Joints of the chain, one that the arm fixes at another value, and a root that the base moves."""
+    base = (1.0, 2.0, 0.5, 0.1, -0.2, 2.5)
+    model = pin.buildModelFromXML(CRANE)
+    q = pin.neutral(model)
+    for joint, value in STOOD.items():
+        at = model.joints[model.getJointId(joint)]
+        q[at.idx_q : at.idx_q + at.nq] = [np.cos(value), np.sin(value)] if at.nq == 2 else value
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    links = ("rail", "mast", "jib", "lamp")
+    root = np.eye(4)
+    root[:3, :3], root[:3, 3] = Rotation.from_euler("xyz", base[3:]).as_matrix(), base[:3]
+    within = np.eye(4)
+    within[:3, :3], within[:3, 3] = Rotation.from_quat(SQUARE["orientation"]).as_matrix(), SQUARE["position"]
+    expected = {f"in {link}": root @ data.oMf[model.getFrameId(link)].homogeneous @ within for link in links}
+    world = in_frames(tmp_path, *links, "world", "cell", fixed_frame_transforms=chained(("cell", "world", [0, 0, 1])))
+    problem = crane_problem(tmp_path, world, base=base)
+    again = hpop.Problem.from_description(json.loads(json.dumps(problem.describe())))
+    for found in (problem.world, again.world, crane(tmp_path, base=base).collision(world).world):
+        placed = {solid.name: solid.pose for solid in found.bodies}
+        for name, there in (expected | {"in world": within}).items():
+            np.testing.assert_allclose(placed[name], there, atol=1e-12)
+        np.testing.assert_allclose(placed["in cell"] - within, [[0] * 4, [0] * 4, [0, 0, 0, 1], [0] * 4], atol=1e-12)
+        x0, y0, x1, y1 = found.bounds
+        assert all(x0 < at[0, 3] < x1 and y0 < at[1, 3] < y1 for at in placed.values())
+    said = [note for note in problem.world.notes if "in the scene's robot_state" in note]
+    assert [link for link in links if any(f"'{link}'" in note for note in said)] == ["mast", "jib", "lamp"]
+    assert any("gives objects in other frames than the world" in note for note in world.notes)
+    assert not any("gives objects in other frames than the world" in note for note in problem.world.notes)
+
+
+def test_objects_in_the_frame_of_a_moving_link_are_refused_unless_the_scene_says_where_it_was(tmp_path):
+    lacking = {joint: value for joint, value in STOOD.items() if joint != "lift"}
+    for world in (in_frames(tmp_path, "mast", state={}), in_frames(tmp_path, "rail", "mast", state=lacking)):
+        with pytest.raises(MapError, match=r"'in mast' in the frame of the link 'mast', which moves\. If .* attach it"):
+            crane_problem(tmp_path, world)
+        with pytest.raises(MapError, match="which moves"):
+            crane(tmp_path).judge(world)
+    still = in_frames(tmp_path, "mast", state={})
+    notes = crane(tmp_path, fixed={"lift": 0.2}).collision(still).world.notes
+    assert not any("robot_state" in note for note in notes)
+    mobile = hpop.MobileArm(crane(tmp_path), folded=(0, 0, 0, 0))
+    with pytest.raises(MapError, match="the link 'rail', which moves"):
+        hpop.Problem(in_frames(tmp_path, "rail"), mobile, (0, 0, 0, 0, 0, 0, 0), (1, 0, 0, 0, 0, 0, 0), ["duration"])
+
+
+def test_frames_that_nothing_knows_are_noted_or_refused(tmp_path):
+    world = in_frames(tmp_path, "rial", "rail")
+    problem = crane_problem(tmp_path, world)
+    assert any("'rial', which neither" in note and "Did you mean 'rail'?" in note for note in problem.world.notes)
+    for frames in (("map", "odom"), ("world", "odom")):
+        with pytest.raises(MapError, match=f"'in {frames[0]}' in frame .*'in odom' in frame 'odom', and neither"):
+            crane_problem(tmp_path, in_frames(tmp_path, *frames))
+    same = in_frames(tmp_path, "world")
+    assert crane_problem(tmp_path, same).world.ground is same.ground
+
+
+def test_objects_in_the_frame_of_another_object_stand_there(tmp_path):
+    on = {"id": "on", "header": {"frame_id": "ball"}, "primitives": BALL["primitives"], "pose": SQUARE}
+    ball, other = world_of(tmp_path, things=[BALL, on]).bodies
+    np.testing.assert_allclose(other.pose[:3, 3] - ball.pose[:3, 3], SQUARE["position"])
+    grown = {"world": {"collision_objects": [on | {"id": "ball", "operation": 2, "header": {"frame_id": "hand"}}]}}
+    path = tmp_path / "changes.yaml"
+    path.write_text(
+        json.dumps({"world": {"collision_objects": [BALL]}}) + "\n---\n" + json.dumps(grown | {"is_diff": 1 > 0})
+    )
+    with pytest.raises(MapError, match="must be the frame of the object that it extends, ''; got 'hand'"):
+        World.from_moveit_scene(path)
+
+
+def test_joint_states_that_are_no_joint_states_are_refused_where_they_matter(tmp_path):
+    with pytest.raises(MapError, match="must have a position for each name; got 0 for 1 names"):
+        world_of(
+            tmp_path, things=[BALL | {"header": {"frame_id": "jib"}}], robot_state={"joint_state": {"name": ["a"]}}
+        )
+    turned = {"transforms": [{"translation": [1, 0, 0]}], "joint_names": ["virtual"]}
+    notes = world_of(tmp_path, robot_state={"multi_dof_joint_state": turned}).notes
+    assert any("multi_dof_joint_state is not read; give the pose of the root link as base" in note for note in notes)

@@ -224,10 +224,6 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
             "'ball': pose: a quaternion .* a length from 1e-06",
         ),
         (changed(*BALL, "pose", to="here"), "'ball': pose must be a yaml mapping"),
-        (
-            changed(*BALL, "header", "frame_id", to="camera"),
-            "'table' is given in frame 'world', object 'ball' in frame",
-        ),
         (changed(*BALL, "header", "frame_id", to=3), "frame_id must be the name of a frame; got 3"),
         (changed(*BALL, "operation", to=1), "'ball': operation must be 0 .add., unless"),
         (changed(*BALL, "planes", to=[{"coef": [0, 0, 1, 0]}]), "'ball': planes are infinite, and are not read"),

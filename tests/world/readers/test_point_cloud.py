@@ -53,6 +53,15 @@ def covered(world, points):
     return inside.all(axis=2).any(axis=1)
 
 
+def test_a_viewpoint_of_a_pcd_file_is_noted_unless_it_is_none(tmp_path):
+    """PCL states it in the frame of the points, so that it moves none of them."""
+    for pose, said in (("0 0 0 1 0 0 0", 0), ("0.0 -0 0 1 0 0 0", 0), ("0 0 1.2 1 0 0 0", 1), ("0 0 0 0 1 0 0", 1)):
+        (tmp_path / "a.pcd").write_bytes(FILES["a.pcd"].replace(b"0 0 0 1 0 0 0", pose.encode()))
+        world = World.from_file(tmp_path / "a.pcd", resolution=0.05)
+        assert sum(f"its VIEWPOINT, {pose}, is not applied" in note for note in world.notes) == said
+        assert covered(world, POINTS).all()
+
+
 @pytest.mark.parametrize("name", FILES)
 def test_every_point_of_a_file_is_in_a_box(tmp_path, name):
     (tmp_path / name).write_bytes(FILES[name])
