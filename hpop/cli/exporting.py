@@ -277,14 +277,5 @@ def _serve(problem: Problem, front: Front, rows: Sequence[str], *, blind: bool, 
     everywhere = serving.LOCAL if cable else serving.EVERYWHERE
     with serving.OnePage(page, host=everywhere, port=port, names=[host], certificate=certificate) as server:
         _say(problem, front, rows)
-        here = server.server_address[1]
-        if certificate is None:
-            echo(f"for a headset on a cable, run first: adb reverse tcp:{here} tcp:{here}")
-        else:
-            echo("browsers warn once about the certificate, which hpop has signed itself; its SHA-256 is")
-            echo(f"  {certificate.fingerprint}")
-        echo(f"served until Ctrl-C: {server.address(host)}")
-        try:
-            server.serve_forever()
-        except KeyboardInterrupt:
-            echo("no longer served")
+        serving.serve_headsets(server, certificate, f"served until Ctrl-C: {server.address(host)}")
+        echo("no longer served")

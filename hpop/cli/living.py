@@ -189,7 +189,7 @@ def _robot_of(problem: Problem, options: Mapping[str, Any]) -> tuple[LiveRobot, 
 def replay_of(record: Path, **options: Any) -> LiveServer:
     """Return the server that shows a recorded session again."""
     from hpop.live.record import read_record
-    from hpop.live.replay import Replay
     from hpop.live.server import LiveServer
+    from hpop.live.viewer import Replay
 
     return LiveServer(Replay(read_record(record)), **options)

@@ -19,6 +19,7 @@ import socket
 import ssl
 from base64 import b64encode
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from http import HTTPStatus
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -33,6 +34,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from hpop.base.text import printable
+from hpop.cli.terminal import echo
 from hpop.errors import OutputError
 from hpop.runtime.interrupts import waited
 from hpop.runtime.page_server import LOCAL as LOCAL
@@ -77,6 +79,19 @@ class OnePage(PageServer):
     def address(self, host: str) -> str:
         """Return the address of the page, as typed into a browser."""
         return f"{self.root(host)}/{self.token}"
+
+
+def serve_headsets(server: PageServer, certificate: Certificate | None, begins: str) -> None:
+    """Print how a headset trusts or reaches a server, then ``begins``, and serve until Ctrl-C."""
+    if certificate is None:
+        on_cable = f"tcp:{server.server_address[1]}"
+        echo(f"for a headset on a cable, run first: adb reverse {on_cable} {on_cable}")
+    else:
+        echo("browsers warn once about the certificate, which hpop has signed itself; its SHA-256 is")
+        echo(f"  {certificate.fingerprint}")
+    echo(begins)
+    with suppress(KeyboardInterrupt):
+        server.serve_forever()
 
 
 def own_address() -> str:

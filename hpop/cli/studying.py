@@ -198,17 +198,8 @@ def serve(folder: Path, port: int, network: bool) -> None:
         secured=None if certificate is None else serving.context_of(certificate),
         tell=lambda said: echo(f"error: {said}", err=True),
     ) as server:
-        if certificate is None:
-            on_cable = f"tcp:{server.server_address[1]}"
-            echo(f"for a headset on a cable, run first: adb reverse {on_cable} {on_cable}")
-        else:
-            echo("browsers warn once about the certificate, which hpop has signed itself; its SHA-256 is")
-            echo(f"  {certificate.fingerprint}")
-        echo(f"sessions, until Ctrl-C: {server.address(here)}")
-        try:
-            server.serve_forever()
-        except KeyboardInterrupt:
-            echo("no longer served; every answer that a page called saved is in answers/")
+        serving.serve_headsets(server, certificate, f"sessions, until Ctrl-C: {server.address(here)}")
+        echo("no longer served; every answer that a page called saved is in answers/")
 
 
 @study.command()

@@ -41,12 +41,43 @@ class Mount:
         return reach_of((self.ahead, self.left), self.on)
 
 
+class LevelPose:
+    """Base class of the poses of bodies that stay level; ``size`` is the number of states."""
+
+    size: Any  # int
+    yaw: Column
+
+    @property
+    def pitch(self) -> Column:
+        return np.zeros(self.size)
+
+    @property
+    def roll(self) -> Column:
+        return np.zeros(self.size)
+
+    @property
+    def ahead(self) -> Vector:
+        return np.cos(self.yaw), np.sin(self.yaw), 0.0
+
+    @property
+    def left(self) -> Vector:
+        return -np.sin(self.yaw), np.cos(self.yaw), 0.0
+
+    @property
+    def up(self) -> Vector:
+        return 0.0, 0.0, 1.0
+
+
 @dataclass(frozen=True)
-class RigidPose:
+class RigidPose(LevelPose):
     """Pose of a body mounted level on a base with states x, y, yaw."""
 
     mount: Mount
     states: States
+
+    @cached_property
+    def size(self) -> int:
+        return self.states.size
 
     @property
     def x(self) -> Column:
@@ -62,31 +93,11 @@ class RigidPose:
 
     @property
     def z(self) -> Column:
-        return np.full(self.states.size, self.mount.height)
+        return np.full(self.size, self.mount.height)
 
     @property
     def yaw(self) -> Column:
         return self.states.yaw
-
-    @property
-    def pitch(self) -> Column:
-        return np.zeros(self.states.size)
-
-    @property
-    def roll(self) -> Column:
-        return np.zeros(self.states.size)
-
-    @property
-    def ahead(self) -> Vector:
-        return np.cos(self.yaw), np.sin(self.yaw), 0.0
-
-    @property
-    def left(self) -> Vector:
-        return -np.sin(self.yaw), np.cos(self.yaw), 0.0
-
-    @property
-    def up(self) -> Vector:
-        return 0.0, 0.0, 1.0
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
 from hpop.models.differential_drive import DifferentialDrive
-from hpop.models.rigid import ALL, FieldOfView, checked_field_of_view
+from hpop.models.rigid import ALL, FieldOfView, LevelPose, checked_field_of_view
 from hpop.motions import MODEL_DEFAULTS, Body, Model, Motions, Pose, States, Twist
 from hpop.motions.states import Vector
 
@@ -120,7 +120,7 @@ def _checked_ramp(name: str, given: Any) -> tuple[float, float]:
 
 
 @dataclass(frozen=True)
-class ViewPose:
+class ViewPose(LevelPose):
     """Pose of a level view at the camera.
 
     camera  pose of the camera
@@ -154,26 +154,6 @@ class ViewPose:
             return self.camera.yaw
         ahead, left = self.camera.ahead, self.camera.left
         return np.arctan2(ahead[1] - left[0], ahead[0] + left[1])
-
-    @property
-    def pitch(self) -> Column:
-        return np.zeros(self.size)
-
-    @property
-    def roll(self) -> Column:
-        return np.zeros(self.size)
-
-    @property
-    def ahead(self) -> Vector:
-        return np.cos(self.yaw), np.sin(self.yaw), 0.0
-
-    @property
-    def left(self) -> Vector:
-        return -np.sin(self.yaw), np.cos(self.yaw), 0.0
-
-    @property
-    def up(self) -> Vector:
-        return 0.0, 0.0, 1.0
 
 
 @dataclass(frozen=True)

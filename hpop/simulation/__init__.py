@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from hpop.simulation.people import Crowd, Pedestrians, TrackedPeople, Walking
-from hpop.simulation.robot import SimulatedBase
-from hpop.simulation.simulate import Simulation, farthest_off, simulate
+from hpop.simulation.simulate import SimulatedBase, Simulation, farthest_off, simulate
 from hpop.simulation.tracking import Command, DriveLimits, Tracker
 
 __all__ = [
