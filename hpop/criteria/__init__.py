@@ -15,6 +15,12 @@ from hpop.criteria.costs import motion_costs as motion_costs
 from hpop.criteria.costs import trajectory_cost as trajectory_cost
 
 if TYPE_CHECKING:
+    from hpop.criteria.comfort.felt import FeltJerk as FeltJerk
+    from hpop.criteria.comfort.felt import FeltMSDV as FeltMSDV
+    from hpop.criteria.comfort.felt import LateralLoad as LateralLoad
+    from hpop.criteria.comfort.felt import RideComfort as RideComfort
+    from hpop.criteria.comfort.felt import RideSickness as RideSickness
+    from hpop.criteria.comfort.felt import VibrationDose as VibrationDose
     from hpop.criteria.comfort.motion import CameraLength as CameraLength
     from hpop.criteria.comfort.motion import FeltAcceleration as FeltAcceleration
     from hpop.criteria.comfort.motion import HeadingMismatch as HeadingMismatch

@@ -136,6 +136,7 @@ ROBOT_NEEDS = (
     "turn-move",
     "rigid",
     "time",
+    "seat",
     "work_tool",
 )
 WORLD_NEEDS = (

@@ -21,7 +21,7 @@ from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
-from hpop.models.rigid import FieldOfView, Mount, checked_field_of_view
+from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat
 from hpop.models.speeds import checked_speeds, doubtful_speeds, speed_faults, speed_laws
 from hpop.motions import Law, States, StateSpace, is_curve, laws_of
 from hpop.trajectories.trajectory import Trajectory
@@ -156,6 +156,9 @@ class DifferentialDrive(PlanarModel):
     wheel_base         m       distance between the wheels
     field_of_view      rad     angles of view (h, v): bearings within h/2 of the camera's yaw, elevations within
                                v/2 of its pitch; None for all round
+    seat               m       position (ahead, left, height) of a passenger's seat, for the criteria of felt motion, as
+                               on a wheelchair; None for no seat. The passenger must fit in the footprint and under
+                               ``body_height``
 
     Motions follow the planned laws of :mod:`hpop.models.laws`. The default speed of 1 m/s is the one that users prefer.
     Turns are fast by default, because a faster turn by a given angle shortens the sensory conflict (Widdowson et al.
@@ -176,6 +179,7 @@ class DifferentialDrive(PlanarModel):
     field_of_view: FieldOfView | None = None
     speeds: float | tuple[float, ...] | None = None
     turn_rates: float | tuple[float, ...] | None = None
+    seat: Position | None = None
 
     def __post_init__(self) -> None:
         for one, several, unit in (("speed", "speeds", "m/s"), ("turn_rate", "turn_rates", "rad/s")):
@@ -194,6 +198,7 @@ class DifferentialDrive(PlanarModel):
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
+        object.__setattr__(self, "seat", checked_seat(self.seat))
         if self.footprint is not None:
             object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
 
@@ -259,8 +264,9 @@ class DifferentialDrive(PlanarModel):
 
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:
-        """Positions of the bodies "base" and "camera" on the base."""
-        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height)}
+        """Positions of the bodies "base", "camera" and, if there is one, "seat" on the base."""
+        seat = {"seat": Mount(*self.seat)} if self.seat else {}
+        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height), **seat}
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:

@@ -68,6 +68,26 @@ class LevelPose:
         return 0.0, 0.0, 1.0
 
 
+Position = tuple[float, float, float]
+FARTHEST_MOUNT = 20.0  # m: more must be a mistake in the unit
+
+
+def checked_seat(seat: Any) -> Position | None:
+    """Check a model's option ``seat``: (ahead, left, height) of a passenger's seat, m, or None; return it as floats.
+
+    Raises ModelError for any other value.
+    """
+    if seat is None:
+        return None
+    try:
+        ahead, left, height = seat
+    except (TypeError, ValueError):
+        raise ModelError(f"seat must be (ahead, left, height) in m, or None for no seat, got {shown(seat)}") from None
+    kind, most = "(ahead, left, height) in m, or None for no seat, each", FARTHEST_MOUNT
+    ahead, left = (float(real("seat", value, -most, most, kind, error=ModelError)) for value in (ahead, left))
+    return ahead, left, float(real("seat", height, 0.0, most, kind, error=ModelError))
+
+
 @dataclass(frozen=True)
 class RigidPose(LevelPose):
     """Pose of a body mounted level on a base with states x, y, yaw."""

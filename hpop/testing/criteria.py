@@ -79,7 +79,7 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     with_optional_members(criterion, CRITERION_DEFAULTS)
     seed = seed_of(rng)
     random = np.random.default_rng(seed)
-    base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05)}}
+    base: dict[str, Any] = {"differential_drive": {"camera_offset": (0.1, 0.05), "seat": (0.1, -0.05, 0.6)}}
     jointed = "joints" in criterion.requires
     model = make_model({"pan_tilt": {"base": base}} if jointed else base)
     world = random_world(random)
@@ -310,7 +310,12 @@ def _bound_fault(criterion: Any, world: World, model: Model) -> str:
 def _lattice_fault(criterion: Criterion, rng: np.random.Generator, world: World) -> str:
     """Return a fault if the edges of a random walk on a lattice cost more or less than the trajectory along them."""
     lattice = StateLattice(
-        make_model({"differential_drive": {"radius": 0.2}}), world, (0.5, 0.5), 0.5, Headings(8), False
+        make_model({"differential_drive": {"radius": 0.2, "seat": (0.1, -0.05, 0.6)}}),
+        world,
+        (0.5, 0.5),
+        0.5,
+        Headings(8),
+        False,
     )
     edges = [(tails, heads, motion_costs(criterion, motions)) for tails, heads, motions in lattice.batches()]
     tails, heads, costs = (np.concatenate([edge[i] for edge in edges]) for i in range(3))

@@ -17,7 +17,7 @@ from hpop.world.content.content import Landmark
 from tests.own_criteria import NAMES, own_criterion
 
 VIEW = (1.9, 0.9)
-DRIVE = hpop.DifferentialDrive(field_of_view=VIEW)
+DRIVE = hpop.DifferentialDrive(field_of_view=VIEW, seat=(0.1, 0.0, 0.5))
 HEAD = hpop.PanTilt(
     replace(DRIVE, field_of_view=None),
     tilt=(-1.0, 1.0),

@@ -18,7 +18,7 @@ from hpop.testing import random_world
 from hpop.world.content.content import Landmark, Person
 from tests.own_criteria import own_criterion
 
-CAR = hpop.DifferentialDrive(camera_offset=(0.1, 0.05))
+CAR = hpop.DifferentialDrive(camera_offset=(0.1, 0.05), seat=(0.1, -0.05, 0.6))
 HEAD = hpop.PanTilt()
 WORLD = random_world(np.random.default_rng(3))
 NAMES = sorted(name for name, cls in criteria.items() if cls.__module__.startswith("hpop."))

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, cont2discrete, lfilter, lsim
 
 from hpop.criteria import MSDV, Sickness, trajectory_cost
-from hpop.criteria.comfort.sickness import apply_wf_filter, sections, weighting
+from hpop.criteria.comfort.sickness import W_F
 from hpop.criteria.comfort.svc import Constants, sicken
 from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
@@ -25,18 +25,18 @@ PUBLISHED = [(0.1, 0.695), (0.16, 1.006), (0.2, 0.992), (0.25, 0.854), (0.4, 0.3
 
 @pytest.mark.parametrize(("frequency", "gain"), PUBLISHED)
 def test_the_weighting_has_the_gains_of_the_standard(frequency, gain):
-    assert weighting(frequency) == pytest.approx(gain, abs=6e-4)
+    assert W_F.gain(frequency) == pytest.approx(gain, abs=6e-4)
 
 
 @pytest.mark.parametrize(("frequency", "gain"), PUBLISHED)
 def test_the_digital_filter_weighs_a_long_sinusoid_alike(frequency, gain):
     times = np.arange(0, 400, 0.02)
-    out = apply_wf_filter(np.sin(2 * np.pi * frequency * times)[:, None], 0.02)[times >= 200, 0]  # whole periods
+    out = W_F.apply(np.sin(2 * np.pi * frequency * times)[:, None], 0.02)[times >= 200, 0]  # whole periods
     assert np.sqrt(2 * np.mean(out**2)) == pytest.approx(gain, rel=3e-3)
 
 
 def test_a_constant_acceleration_is_not_weighed_in_the_long_run():
-    assert abs(apply_wf_filter(np.ones((20_000, 1)), 0.02)[-1, 0]) < 1e-6
+    assert abs(W_F.apply(np.ones((20_000, 1)), 0.02)[-1, 0]) < 1e-6
 
 
 @pytest.mark.cases("1.2")
@@ -49,7 +49,7 @@ def test_the_dose_of_a_drive_is_that_of_the_analog_filter(turn):
     states, (_, change) = executed.at(times), executed.rates(times)
     ahead = change.x * np.cos(states.yaw) + change.y * np.sin(states.yaw)
     out = ahead
-    for numerator, denominator in sections():
+    for numerator, denominator in W_F.sections:
         _, out, _ = lsim(TransferFunction(numerator, denominator), out, times)
     expected = np.sqrt(np.trapezoid(out**2, times))
     assert trajectory_cost(MSDV(), path, WORLD) == pytest.approx(expected, rel=0.01)

@@ -13,7 +13,7 @@ import hpop
 from hpop.base.registry import criteria
 from hpop.criteria import Clearance, make_criterion, trajectory_cost
 from hpop.criteria.base import check_requirements
-from hpop.criteria.comfort import visual_motion
+from hpop.criteria.comfort import body_motion
 from hpop.errors import CriterionError, UnsupportedCriterion
 from hpop.motions import lacking
 from hpop.testing import random_world
@@ -107,7 +107,7 @@ def test_what_the_eyes_see_turn_is_the_whole_rotation_in_the_cameras_frame():
     """Also straight up and down, where yaw and roll mean nothing, against the robot's own twists."""
     steep = replace_limits(ARM)
     trajectory = tour(steep, [(0.0, 1.3, 0.0), (0.4, 1.9, 1.0), (-0.2, 1.2, 0.3)])
-    visual = visual_motion(History(WORLD, trajectory), 0.005)
+    visual = body_motion(History(WORLD, trajectory), "camera", 0.005)
     states, (rates, changes) = trajectory.at(visual.times), trajectory.rates(visual.times)
     _, axes = camera_at(trajectory, visual.times)
     for vector, found in (

@@ -14,7 +14,7 @@ from hpop.base.arrays import Column, FloatArray
 from hpop.base.math import angle_between, hypot, is_symbolic, norm, smooth_abs
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort import camera_at
+from hpop.criteria.comfort import body_at
 from hpop.criteria.convex import ConvexCost, ConvexPath
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions, States, is_curve
@@ -223,18 +223,23 @@ class Jerk:
 
         The last value includes the time just after the end, into which smoothing spreads the last jump.
         """
-        step, duration = self.smoothing / SPLIT, m.executed.duration
-        half = 3 * SPLIT // 2  # steps from the middle of the third difference to its ends
-        index = np.arange(-2 * half, int(np.ceil(duration / step)) + 2 * half + 1)
-        times = np.asarray(step * index, dtype=np.float64)
-        _, position = camera_at(m, times)
-        position = position - position[0]
-        jerk = position[3 * SPLIT :] - 3 * position[2 * SPLIT : -SPLIT] + 3 * position[SPLIT : -2 * SPLIT]
-        jerk = (jerk - position[: -3 * SPLIT]) / self.smoothing**3  # (N, 3)
-        done = np.asarray(np.cumsum(np.sum(jerk * jerk, axis=1)) * step, dtype=np.float64)
-        running = m.at_motion_ends(times[half:-half], done)
-        running[-1] = done[-1]
-        return running
+        return squared_jerk(m, "camera", self.smoothing)
+
+
+def squared_jerk(m: History, body: str, smoothing: float) -> FloatArray:
+    """Return the integral (M,), m²/s⁵, of a body's squared jerk up to the end of each motion, as :class:`Jerk` does."""
+    step, duration = smoothing / SPLIT, m.executed.duration
+    half = 3 * SPLIT // 2  # steps from the middle of the third difference to its ends
+    index = np.arange(-2 * half, int(np.ceil(duration / step)) + 2 * half + 1)
+    times = np.asarray(step * index, dtype=np.float64)
+    _, position = body_at(m, body, times)
+    position = position - position[0]
+    jerk = position[3 * SPLIT :] - 3 * position[2 * SPLIT : -SPLIT] + 3 * position[SPLIT : -2 * SPLIT]
+    jerk = (jerk - position[: -3 * SPLIT]) / smoothing**3  # (N, 3)
+    done = np.asarray(np.cumsum(np.sum(jerk * jerk, axis=1)) * step, dtype=np.float64)
+    running = m.at_motion_ends(times[half:-half], done)
+    running[-1] = done[-1]
+    return running
 
 
 LEAST_CHANGE = 1e-6  # m/s: smaller differences of speed are rounding errors

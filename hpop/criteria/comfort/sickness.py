@@ -3,47 +3,67 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.options import set_reals
 from hpop.criteria.base import criterion
-from hpop.criteria.comfort import visual_motion
+from hpop.criteria.comfort import body_motion
 from hpop.errors import CriterionError
 from hpop.trajectories.history import History
 
 MSDV_STEP = 0.02  # s: 50 Hz is 80 times the upper corner frequency of Wf, so the bilinear transform distorts nothing
-
-# Corner frequencies (Hz) and quality factors of Wf, ISO 2631-1:1997, annex A.
-HIGH_PASS = 0.08
-LOW_PASS = 0.63
-TRANSITION = (0.25, 0.86)  # of acceleration to velocity
-STEP_UP = ((0.0625, 0.80), (0.1, 0.80))
+BUTTERWORTH = 2**-0.5  # quality factor of the band limits
 
 
-def sections() -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Return the factors of the transfer function Wf(s), each as coefficients of numerator and denominator.
+@dataclass(frozen=True)
+class Weighting:
+    """Frequency weighting of ISO 2631-1:1997, annex A: corner frequencies, Hz, and quality factors of its filters.
 
-    They are the high-pass, the low-pass, the transition from acceleration to velocity, and the upward step.
-    Coefficients begin with the highest power of s.
+    high_pass, low_pass  Hz       band limits
+    lead                 Hz       of the transition's numerator; None for a constant numerator
+    transition           (Hz, 1)  of acceleration to velocity: frequency and quality factor of the denominator
+    step_up              two of (Hz, 1)  upward step: numerator, then denominator; () for none
     """
-    butterworth = 2**-0.5
-    high, low = _quadratic(HIGH_PASS, butterworth), _quadratic(LOW_PASS, butterworth)
-    rise, settle = (_quadratic(*corner) for corner in STEP_UP)
-    transition = _quadratic(*TRANSITION)
-    return (np.array([1.0, 0.0, 0.0]), high), (low[-1:], low), (transition[-1:], transition), (rise, settle)
 
+    high_pass: float
+    low_pass: float
+    lead: float | None
+    transition: tuple[float, float]
+    step_up: tuple[tuple[float, float], ...] = ()
 
-def weighting(frequency: float) -> float:
-    """Return the gain |Wf| of the weighting filter at a frequency, Hz.
+    @cached_property
+    def sections(self) -> tuple[tuple[FloatArray, FloatArray], ...]:
+        """Factors of the transfer function, each as coefficients of numerator and denominator, highest power first."""
+        high, low = _quadratic(self.high_pass, BUTTERWORTH), _quadratic(self.low_pass, BUTTERWORTH)
+        down = _quadratic(*self.transition)
+        rise = () if self.lead is None else (down[-1] / (2 * np.pi * self.lead),)
+        factors = [(np.array([1.0, 0.0, 0.0]), high), (low[-1:], low), (np.array([*rise, down[-1]]), down)]
+        if self.step_up:
+            rise_up, settle = (_quadratic(*corner) for corner in self.step_up)
+            factors.append((rise_up, settle))
+        return tuple(factors)
 
-    >>> round(weighting(0.16), 3)
-    1.006
-    """
-    s = 2j * np.pi * frequency
-    return float(np.prod([abs(np.polyval(b, s) / np.polyval(a, s)) for b, a in sections()]))
+    def gain(self, frequency: float) -> float:
+        """Return the gain of the filter at a frequency, Hz.
+
+        >>> round(W_F.gain(0.16), 3)
+        1.006
+        """
+        s = 2j * np.pi * frequency
+        return float(np.prod([abs(np.polyval(b, s) / np.polyval(a, s)) for b, a in self.sections]))
+
+    def apply(self, acceleration: FloatArray, step: float) -> FloatArray:
+        """Return accelerations (N, k), m/s², filtered from rest; each of the k columns by itself.
+
+        step  s, between two samples
+        """
+        from scipy.signal import sosfilt
+
+        filtered: FloatArray = sosfilt(np.array(_digital(self, step)), acceleration, axis=0)
+        return filtered
 
 
 def _quadratic(frequency: float, quality: float) -> FloatArray:
@@ -52,26 +72,23 @@ def _quadratic(frequency: float, quality: float) -> FloatArray:
     return np.array([1.0, w / quality, w * w])
 
 
-def apply_wf_filter(acceleration: FloatArray, step: float) -> FloatArray:
-    """Return accelerations (N, k), m/s², filtered by Wf, which starts at rest; each of the k columns by itself.
-
-    step  s, between two samples
-    """
-    from scipy.signal import sosfilt
-
-    filtered: FloatArray = sosfilt(np.array(_digital(step)), acceleration, axis=0)
-    return filtered
-
-
 @lru_cache(maxsize=16)
-def _digital(step: float) -> tuple[FloatArray, ...]:
+def _digital(weighting: Weighting, step: float) -> tuple[FloatArray, ...]:
     """Return the digital filter for a sampling step, s, as second-order sections.
 
     The coefficients of their product would lose nearly all digits at this sampling rate.
     """
     from scipy.signal import bilinear
 
-    return tuple(np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in sections())
+    return tuple(np.concatenate(bilinear(b, a, fs=1.0 / step)) for b, a in weighting.sections)
+
+
+W_F = Weighting(0.08, 0.63, None, (0.25, 0.86), ((0.0625, 0.80), (0.1, 0.80)))
+"""Weighting of motion sickness: passes about 0.1 to 0.3 Hz."""
+W_D = Weighting(0.4, 100.0, 2.0, (2.0, 0.63))
+"""Weighting of horizontal vibration at a seat: passes about 0.4 to 2 Hz."""
+W_K = Weighting(0.4, 100.0, 12.5, (12.5, 0.63), ((2.37, 0.91), (3.35, 0.91)))
+"""Weighting of vertical vibration at a seat: passes about 0.4 to 12 Hz."""
 
 
 @criterion("msdv", group="C", unit="m/s^1.5", aggregate="trajectory", requires=("camera",), smooth=False)
@@ -91,10 +108,14 @@ class MSDV:
 
     def cost(self, m: History) -> FloatArray:
         """Return the dose (M,), m/s^1.5, up to the end of each motion."""
-        visual = visual_motion(m, MSDV_STEP)
-        squares = np.sum(apply_wf_filter(visual.acceleration, visual.step) ** 2, axis=1)
-        dose = np.sqrt(np.cumsum(squares) * visual.step)
-        return m.at_motion_ends(visual.times, dose)
+        return sickness_dose(m, "camera")
+
+
+def sickness_dose(m: History, body: str) -> FloatArray:
+    """Return the motion sickness dose value (M,), m/s^1.5, of a body's motion up to the end of each motion."""
+    sampled = body_motion(m, body, MSDV_STEP)
+    squares = np.sum(W_F.apply(sampled.acceleration, sampled.step) ** 2, axis=1)
+    return m.at_motion_ends(sampled.times, np.sqrt(np.cumsum(squares) * sampled.step))
 
 
 @criterion("sickness", group="C", unit="%", aggregate="trajectory", requires=("camera",), smooth=False)
@@ -124,6 +145,6 @@ class Sickness:
         """Return the share of people (M,), %, who would have vomited by the end of each motion."""
         from hpop.criteria.comfort.svc import STEP, sicken  # importing numba takes half a second
 
-        visual = visual_motion(m, STEP)
+        visual = body_motion(m, "camera", STEP)
         sick = sicken(seen=visual.acceleration, seen_rotation=visual.rotation, vection=self.vection, step=visual.step)
         return m.at_motion_ends(visual.times, np.concatenate([[0.0], sick.incidence[:-1]]))
