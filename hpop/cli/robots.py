@@ -125,6 +125,7 @@ NUMBERS = {
     "near": ("M", "Gap to people below which it stops."),
     "within": ("M", "Distance at which a pose on the way counts as visited."),
     "delay": ("S", "Time after which a command takes effect on the robot."),
+    "offers": ("S", "Time between options that are published while the robot drives; 0 for none. [0]"),
     "patience": ("S", "Time to wait for a way before a goal is aborted."),
 }
 
@@ -163,11 +164,12 @@ def limit_options(command: Any) -> Any:
 )
 @click.option("--asks", is_flag=True, help="After a stop, wait until an option is taken on the topic take.")
 @click.option("--rate", type=float, metavar="HZ", help="Commands a second. [20]")
+@click.option("--sim-time", is_flag=True, help="Take the time from the topic /clock, as nodes with use_sim_time do.")
 @robot_options
 @limit_options
 @imports_option
 @user_errors
-def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, **given: Any) -> None:
+def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, sim_time: bool, **given: Any) -> None:
     """Drive a robot to goals of Nav2's navigation actions.
 
     Connects to rosbridge and offers NavigateToPose and NavigateThroughPoses until Ctrl-C: each goal is planned from
@@ -186,7 +188,8 @@ def follow(scenario: Path, url: str, imports: tuple[str, ...], asks: bool, **giv
     interface = hpop.ros.Interface(frame_id=known.frame_id, choice=settings.choice)
     planner = hpop.ros.FollowPlanner(loaded.problem, loaded.planners, interface, near=settings.near + 0.05)
     _rehearse(planner, scenario)
-    _serve(url, hpop.ros.FollowServer(planner, settings, known, say=echo))
+    clock = hpop.ros.SimulatedClock() if sim_time else None
+    _serve(url, hpop.ros.FollowServer(planner, settings, known, say=echo, clock=clock))
     echo("goals are no longer driven")
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from hpop.base.lazy import on_first_use
 from hpop.ros.bridge import Bridge, PathServer
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
-from hpop.ros.follow_server import FollowServer
+from hpop.ros.follow_server import FollowServer, SimulatedClock
 from hpop.ros.following import Follower
 from hpop.ros.messages import PlanarPose, plain, planar_pose, pose_message, typed
 from hpop.ros.navigation import FollowInterface, Hearing
@@ -35,6 +35,7 @@ __all__ = [
     "PathServer",
     "PlanarPose",
     "Planned",
+    "SimulatedClock",
     "Transforms",
     "path_message",
     "plain",

@@ -1,4 +1,4 @@
-"""Goals of a follower, how it behaves, and planning from where the robot stands in the world as it is now."""
+"""Goals of a follower, how it behaves, and planning from where the robot is in the world as it is now."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ class FollowSettings:
     reaction  s     time that is added to the time in which it can stop, to look ahead at people and obstacles
     within    m     distance at which a pose on the way counts as visited
     delay     s     after which a command takes effect
+    offers    s     between options that are published while the robot drives; 0 for none
     retry     s     between attempts to plan
     patience  s     for which it waits for a way; then the goal is aborted
 
@@ -52,6 +53,7 @@ class FollowSettings:
     reaction: float = 0.3
     within: float = 0.5
     delay: float = 0.0
+    offers: float = 0.0
     retry: float = 2.0
     patience: float = 60.0
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from threading import Event, Thread
+from threading import Condition, Event, Thread
 from time import monotonic, time_ns
 from typing import Any
 
@@ -18,7 +18,7 @@ from hpop.errors import RosError
 from hpop.ros import protocol
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
-from hpop.ros.messages import Message
+from hpop.ros.messages import SECOND, Message, mapping, time_of
 from hpop.ros.navigation import FollowInterface, Hearing, Listener
 from hpop.ros.protocol import GoalStatus, MessageServer
 from hpop.runtime.status import log
@@ -26,6 +26,65 @@ from hpop.simulation.tracking import Command
 
 MOST_BYTES = 2**25  # largest incoming message: a map of 8 million cells as JSON
 TOLD = 0.2  # s between messages of the state and of feedback
+CLOCK = "/clock"
+THROTTLE = 5  # least time between messages of the clock, ms: more a second than are read would wait
+CLOCK_SUBSCRIPTION: Message = {
+    "op": "subscribe",
+    "topic": CLOCK,
+    "type": "rosgraph_msgs/msg/Clock",
+    "throttle_rate": THROTTLE,
+    "queue_length": 1,
+}
+BACK = 0.5  # s by which simulated time is before the next command if it was set back
+WAKES = 0.1  # s after which a thread looks whether it is to end
+
+
+class WallClock:
+    """Time of this machine, s, of which only differences count."""
+
+    def now(self) -> float:
+        """Return the time, s; RosError if it is not known yet."""
+        return monotonic()
+
+    def stamp(self) -> int:
+        """Return the time for stamps of messages, ns."""
+        return time_ns()
+
+    def wait(self, due: float, closed: Event) -> float | None:
+        """Wait until a time, s, and return the time; None if it is not known yet, or ``closed`` was set."""
+        return None if closed.wait(max(0.0, due - monotonic())) else monotonic()
+
+
+class SimulatedClock(WallClock):
+    """Time of a simulation, s, as the topic /clock says it: it may be paused, run at any rate, and be set back."""
+
+    def __init__(self) -> None:
+        self._condition, self._now = Condition(), -math.inf
+
+    def hear(self, message: Any) -> bool:
+        """Take a message of /clock; return whether time was set back. RosError for an invalid message."""
+        now = time_of({"header": {"stamp": mapping(message, "the clock").get("clock")}}, "the clock") / SECOND
+        with self._condition:
+            before, self._now = self._now, now
+            self._condition.notify_all()
+        return now < before
+
+    def now(self) -> float:
+        """Return the time, s; RosError if no message has come yet."""
+        if self._now == -math.inf:
+            raise RosError(f"no time has come on {CLOCK}; start the simulation, or follow without simulated time")
+        return self._now
+
+    def stamp(self) -> int:
+        """Return the time for stamps of messages, ns."""
+        return round(self.now() * SECOND)
+
+    def wait(self, due: float, closed: Event) -> float | None:
+        """Wait until a time, s, or until time is set back before it by over `BACK` s; return the time as above."""
+        with self._condition:
+            while not closed.is_set() and (self._now == -math.inf or due - BACK <= self._now < due):
+                self._condition.wait(WAKES)
+            return None if closed.is_set() else self._now
 
 
 class RobotServer(MessageServer):
@@ -37,12 +96,20 @@ class RobotServer(MessageServer):
     listener  is told what the robot's topics say
     known     names of topics and frames
     say       called with a line of text for each event
+    clock     gives the times; a :class:`SimulatedClock` listens to the topic /clock
     told, heard, actions  topics that are published and subscribed to, and offered actions, with their types
     """
 
-    def __init__(self, listener: Listener, known: FollowInterface, *, say: Callable[[str], None]) -> None:
+    def __init__(
+        self,
+        listener: Listener,
+        known: FollowInterface,
+        *,
+        say: Callable[[str], None],
+        clock: WallClock | None = None,
+    ) -> None:
         super().__init__(say=say, most_bytes=MOST_BYTES)
-        self.known, self.hearing = known, Hearing(listener, known)
+        self.known, self.hearing, self.clock = known, Hearing(listener, known), clock or WallClock()
         self.told, self.heard = known.told, known.heard
         self.actions: dict[str, str] = {}
         self._closed = Event()
@@ -53,6 +120,7 @@ class RobotServer(MessageServer):
         return [
             *({"op": "advertise", "topic": topic, "type": kind} for topic, kind in self.told.items()),
             *({"op": "subscribe", "topic": topic, "type": kind} for topic, kind in self.heard.items()),
+            *([CLOCK_SUBSCRIPTION] if isinstance(self.clock, SimulatedClock) else []),
             *({"op": "advertise_action", "action": action, "type": kind} for action, kind in self.actions.items()),
         ]
 
@@ -91,15 +159,26 @@ class RobotServer(MessageServer):
         log.exception("following failed")
         self.remark(f"following failed ({type(error).__name__}: {error})")
 
+    def set_back(self) -> None:
+        """Forget what has been heard, because simulated time was set back."""
+        self.hearing.reset()
+
     def _heard(self, message: Mapping[str, Any]) -> None:
-        self.hearing.hear(str(message.get("topic")), message.get("msg"), monotonic())
+        topic, told = str(message.get("topic")), message.get("msg")
+        if topic == CLOCK and isinstance(self.clock, SimulatedClock):
+            if self.clock.hear(told):
+                self.set_back()
+            return
+        self.hearing.hear(topic, told, self.clock.now())
 
     def _run(self) -> None:
         """Send commands at a fixed rate, until closed."""
-        period, due = 1.0 / self.known.rate, monotonic()
-        while not self._closed.wait(max(0.0, due - monotonic())):
-            now = monotonic()
-            due = max(due + period, now)
+        period, due = 1.0 / self.known.rate, -math.inf
+        while not self._closed.is_set():
+            now = self.clock.wait(due, self._closed)
+            if now is None:
+                continue
+            due = max(due + period, now) if now >= due > -math.inf else now + period
             if not self.is_connected:
                 continue
             try:
@@ -108,7 +187,7 @@ class RobotServer(MessageServer):
                 self.failed(error)
                 command = Command(0.0, 0.0)
             if command is not None:
-                self.tell(self.publication(self.known.cmd_topic, self.known.twist(command, time_ns())))
+                self.tell(self.publication(self.known.cmd_topic, self.known.twist(command, self.clock.stamp())))
 
     @staticmethod
     def publication(topic: str, message: Message) -> Message:
@@ -128,6 +207,7 @@ class FollowServer(RobotServer):
     settings : limits and the choice among trajectories
     known : names of actions, topics and frames
     say : called with a line of text for each event
+    clock : gives the times; None for the time of this machine
     """
 
     def __init__(
@@ -137,10 +217,11 @@ class FollowServer(RobotServer):
         known: FollowInterface,
         *,
         say: Callable[[str], None],
+        clock: WallClock | None = None,
     ) -> None:
         self._executor = ThreadPoolExecutor(1, "hpop-ros-planning")
         self.follower = Follower(planner, settings, self._executor, say=say)
-        super().__init__(self.follower, known, say=say)
+        super().__init__(self.follower, known, say=say, clock=clock)
         self.actions = known.actions
         self._open: dict[str, str] = {}  # actions of the goals whose results are still to be sent
         self._state_sent = -math.inf
@@ -161,6 +242,11 @@ class FollowServer(RobotServer):
         self.hearing.reset()
         self._open.clear()
 
+    def set_back(self) -> None:
+        """Give up the goal, because simulated time was set back."""
+        self.follower.drop("the simulated time was set back")
+        super().set_back()
+
     def close(self) -> None:
         """Stop following and end the threads."""
         self.follower.drop()
@@ -172,12 +258,12 @@ class FollowServer(RobotServer):
         action = self._checked_action(message)
         goal = protocol.goal_id(message)
         try:
-            poses = self.known.goal_poses(message.get("args"))
+            poses, now = self.known.goal_poses(message.get("args")), self.clock.now()
         except RosError as error:
             self._send_result(action, Ended(goal, False, str(error)))
             raise
         self._open[goal] = action
-        self.follower.follow(goal, poses, monotonic())
+        self.follower.follow(goal, poses, now)
 
     def _cancel(self, message: Mapping[str, Any]) -> None:
         self._checked_action(message)
@@ -196,7 +282,7 @@ class FollowServer(RobotServer):
         step = self.follower.step(now)
         for event in step.events:
             self._send_event(event)
-        if now - self._state_sent >= TOLD:
+        if abs(now - self._state_sent) >= TOLD:  # simulated time may be set back
             self._state_sent = now
             self._send_state(self.follower.state(now))
         return step.command

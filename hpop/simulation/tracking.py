@@ -125,17 +125,19 @@ class Tracker:
         self._history = deque[tuple[float, float, FloatArray]]()  # time of a command, clock and estimate for it
         self._stops = False
 
-    def follow(self, trajectory: Trajectory, clock: float) -> None:
+    def follow(self, trajectory: Trajectory, clock: float | None = None) -> None:
         """Continue with another plan from its time ``clock``, s, on; commands go on from the last one.
 
-        The next call of :meth:`command` must give times since the other plan began: ``clock``, or a little later.
+        The next call of :meth:`command` must give times since the other plan began: ``clock``, or a little later. With
+        None, both plans are executed alike up to now and for as long as the robot's delay; then the clock goes on.
         """
         times, rows, self._stands_until = _sampled(trajectory)
         self.duration = float(times[-1])
         self._rows = rows.tolist()
         self._reserve = _spare(self.limits, times, *rows[:, 3:].T)
-        self._clock = self._now = clock
-        self._history.clear()
+        if clock is not None:
+            self._clock = self._now = clock
+            self._history.clear()
 
     def command(self, t: float, pose: tuple[float, float, float] | None) -> Command:
         """Return the command at ``t``, s since the plan began, for a measured pose (x m, y m, yaw rad) in the world.

@@ -16,7 +16,7 @@ import shapely
 from websockets.exceptions import ConnectionClosed
 
 import hpop
-from hpop.errors import OptionError
+from hpop.errors import OptionError, RosError
 from hpop.planners.lattice import Lattice
 from hpop.ros import (
     Bridge,
@@ -25,6 +25,7 @@ from hpop.ros import (
     FollowServer,
     FollowSettings,
     Interface,
+    SimulatedClock,
     plain,
     planar_pose,
     pose_message,
@@ -39,11 +40,15 @@ QUICK = hpop.DifferentialDrive(radius=0.2, speed=2.0, acceleration=6.0, turn_rat
 
 
 class DrivenRobot(Robot):
-    """A robot behind the bridge: it obeys /cmd_vel 50 times a second, and publishes transforms, until closed."""
+    """A robot behind the bridge: it obeys /cmd_vel 50 times a second, and publishes transforms, until closed.
 
-    def __init__(self, bridge: FakeBridge, *pose: float) -> None:
+    With a ``rate`` its time is simulated, runs that many times as fast, begins at 1000 s, and is told on /clock.
+    """
+
+    def __init__(self, bridge: FakeBridge, *pose: float, rate: float = 0.0) -> None:
         super().__init__(*pose)
         self.bridge, self.blind, self.commands = bridge, Event(), 0
+        self.rate, self.begin, self.zero = rate, time.monotonic(), 1000.0
         self._closed, self._taken = Event(), 0
         self._thread = Thread(target=self._live)
         self._thread.start()
@@ -52,11 +57,20 @@ class DrivenRobot(Robot):
         self._closed.set()
         self._thread.join()
 
+    def time(self) -> float:
+        """Return the time, s; a simulated one is also told."""
+        if not self.rate:
+            return time.monotonic()
+        now = self.zero + self.rate * (time.monotonic() - self.begin)
+        self.bridge.tell("/clock", {"clock": {"sec": int(now), "nanosec": int(now % 1.0 * 1e9)}})
+        return now
+
     def _live(self) -> None:
         v = w = 0.0
-        told, last, moment = 0.0, 0.0, time.monotonic()
-        while not self._closed.wait(0.02):
-            now, before, moment = time.monotonic(), moment, time.monotonic()
+        told, last, moment = 0.0, 0.0, self.time()
+        while not self._closed.wait(0.02 / max(self.rate, 1.0)):
+            before, moment = moment, self.time()
+            now = moment
             for topic, message in self.bridge.published[self._taken :]:
                 self._taken += 1
                 if topic == "/cmd_vel":
@@ -71,7 +85,7 @@ class DrivenRobot(Robot):
 
     def publish(self) -> None:
         turned = (0.0, 0.0, math.sin(0.5 * self.yaw), math.cos(0.5 * self.yaw))
-        stamp = time.time_ns()
+        stamp = int(1e9 * self.time()) if self.rate else time.time_ns()
         # odometry has drifted by (1, 2), which localisation knows
         links = [
             transform(stamp, "odom", "base_link", (self.x - 1.0, self.y - 2.0, 0.0), turned),
@@ -91,6 +105,7 @@ def following(
     known: FollowInterface | None = None,
     settings: FollowSettings | None = None,
     say: Callable[[str], None] = lambda line: None,
+    clock: SimulatedClock | None = None,
 ) -> Iterator[FollowServer]:
     """Drive the robot of a hall of 6 x 4 m, of cells, over a bridge."""
     world = hpop.World.from_cells(np.zeros((40, 60), np.bool_), 0.1)
@@ -98,7 +113,7 @@ def following(
     known = known or FollowInterface()
     planner = FollowPlanner(problem, [Lattice(step=0.5)], Interface(frame_id=known.frame_id))
     planner.rehearsed()
-    server = FollowServer(planner, settings or FollowSettings(), known, say=say)
+    server = FollowServer(planner, settings or FollowSettings(), known, say=say, clock=clock)
     client = Bridge(bridge.url, server, say=say, delays=DELAYS)
     thread = Thread(target=client.run)
     thread.start()
@@ -111,8 +126,8 @@ def following(
 
 
 @contextmanager
-def robot_at(bridge: FakeBridge, *pose: float) -> Iterator[DrivenRobot]:
-    robot = DrivenRobot(bridge, *pose)
+def robot_at(bridge: FakeBridge, *pose: float, rate: float = 0.0) -> Iterator[DrivenRobot]:
+    robot = DrivenRobot(bridge, *pose, rate=rate)
     try:
         yield robot
     finally:
@@ -145,6 +160,41 @@ def test_it_drives_to_a_pose_and_tells_feedback_path_and_options(bridge):
         assert (options["goal"], options["names"]) == (goal.id, ["turns", "length"])
         assert json.loads(told(bridge, "/hpop/state")[-1].data)["state"] in ("driving", "idle")
         assert robot.commands > 5
+    assert bridge.log == []
+
+
+def test_simulated_time_is_that_of_the_last_message_and_a_wait_for_it_ends_when_it_is_set_back():
+    clock = SimulatedClock()
+    with pytest.raises(RosError, match="no time has come on /clock"):
+        clock.now()
+    assert not clock.hear({"clock": {"sec": 7, "nanosec": 250_000_000}})
+    assert (clock.now(), clock.stamp()) == (7.25, 7_250_000_000)
+    assert clock.wait(7.25, Event()) == 7.25
+    assert clock.hear({"clock": {"sec": 1, "nanosec": 0}})
+    assert clock.wait(7.3, Event()) == 1.0
+    for wrong in ({}, {"clock": 3}, {"clock": {"sec": -1, "nanosec": 0}}, {"clock": {"sec": 1, "nanosec": 1e10}}):
+        with pytest.raises(RosError, match="clock"):
+            clock.hear(wrong)
+
+
+@pytest.mark.proof
+def test_it_drives_by_the_clock_of_a_simulation_until_that_is_set_back(bridge):
+    model, clock = hpop.DifferentialDrive(radius=0.2, speed=1.0, acceleration=1.0), SimulatedClock()
+    settings = FollowSettings(late=2.0)
+    to = {"pose": pose_message(2.5, 1.0, 0.0)}
+    with following(bridge, model, settings=settings, clock=clock):
+        early = bridge.ended(bridge.send_goal(TO_POSE, to))
+        assert early.result.error_msg.startswith("no time has come on /clock; start the simulation")
+        with robot_at(bridge, 1.0, 1.0, 0.0, rate=4.0) as robot:
+            assert clock.wait(-math.inf, Event()) >= 1000.0
+            goal = bridge.ended(bridge.send_goal(TO_POSE, to))
+            assert goal.status == SUCCEEDED
+            assert math.dist((robot.x, robot.y), (2.5, 1.0)) < 0.3
+            assert plain(goal.fed_back)["navigation_time"]["sec"] >= 1  # simulated; it drives for 2.5 s
+            goal = bridge.send_goal(TO_POSE, {"pose": pose_message(1.0, 1.0, 0.0)})
+            bridge_waits(lambda: goal.feedback > 0)
+            robot.zero = 10.0 - robot.rate * (time.monotonic() - robot.begin)
+            assert (bridge.ended(goal).status, goal.result.error_msg) == (ABORTED, "the simulated time was set back")
     assert bridge.log == []
 
 

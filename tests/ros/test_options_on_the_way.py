@@ -1,0 +1,108 @@
+"""Options that are offered and taken while a small simulated robot drives."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+
+import hpop
+from hpop.errors import RosError
+from hpop.planners.lattice import Lattice
+from hpop.ros import Interface, PlanarPose, planar_pose
+from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
+from hpop.ros.following import Follower
+from hpop.world import Person
+from tests.ros.robot import AtOnce, Robot, Trip
+from tests.ros.test_following import RADIUS, least_gap
+
+
+@pytest.fixture(scope="module")
+def round_a_box() -> FollowPlanner:
+    """Return a planner in a hall of 10 x 6 m with a box in its middle."""
+    cells = np.zeros((60, 100), np.bool_)
+    cells[26:36, 45:55] = True
+    model = hpop.DifferentialDrive(radius=RADIUS, speed=0.8)
+    criteria = ["turns", "length", "proximity"]
+    problem = hpop.Problem(hpop.World.from_cells(cells, 0.1), model, (1, 3, 0), (9, 3, None), criteria)
+    return FollowPlanner(problem, [Lattice(step=0.5)], Interface())
+
+
+def on_the_way(planner: FollowPlanner, *people: Person, **settings: Any) -> tuple[Trip, list[str]]:
+    """Return a trip that drives at full speed on a long straight past the box, and a list of what is said from then."""
+    said = list[str]()
+    follower = Follower(planner, FollowSettings(choice="least length", **settings), AtOnce(), say=said.append)
+    trip = Trip(follower, Robot(2.0, 4.0, 0.0))
+    follower.saw(people, 0.0)
+    follower.follow("a", [PlanarPose(9.0, 3.0, 0.0, "map")], 0.0)
+    assert trip.go(20, lambda: trip.robot.v > 0.79)
+    said.clear()
+    return trip, said
+
+
+def test_an_option_is_taken_on_the_way_and_the_robot_drives_on(round_a_box):
+    trip, said = on_the_way(round_a_box)
+    trip.follower.take("least length", trip.now)
+    speeds = []
+    trip.go(1.5, lambda: speeds.append(trip.robot.v))
+    assert min(speeds) > 0.78
+    assert "without a stop" in said[-1]
+    trip.follower.take("least proximity", trip.now)
+    assert trip.go_until_ended().reached
+    assert not any(line.startswith("stops") for line in said)
+    assert trip.robot.hardest <= 1.0 + 1e-6
+    *_, first, second = (event.path for event in trip.events if isinstance(event, Planned))
+    lines = [shapely.LineString([planar_pose(pose)[:2] for pose in path["poses"]]) for path in (first, second)]
+    assert lines[0].hausdorff_distance(lines[1]) > 0.2
+    assert max(lines[1].distance(shapely.Point(place)) for place in trip.robot.passed) < 0.05
+    assert least_gap(trip, shapely.box(4.5, 2.6, 5.5, 3.6)) >= 0
+
+
+def test_among_people_an_option_is_taken_on_the_way_after_a_stop_that_is_said(round_a_box):
+    person = Person(6.5, 5.5, velocity=(0.0, -0.5), until=4.0)  # she would be in the way of the robot's side of the box
+    trip, said = on_the_way(round_a_box, person)
+    gaps, walked = [], trip.now
+
+    def walks() -> bool:
+        now = person.later(min(trip.now, 4.0))
+        trip.follower.saw([Person(now.x, now.y, velocity=(0.0, -0.5 if trip.now < 4.0 else 0.0), until=4.0)], trip.now)
+        gaps.append(math.dist((now.x, now.y), (trip.robot.x, trip.robot.y)) - RADIUS - 0.25)
+        return any(isinstance(event, Ended) for event in trip.events)
+
+    trip.follower.take("least proximity", trip.now)
+    trip.go(0.2, walks)
+    assert "where the robot stops" in said[-1]
+    assert trip.state()["state"] == "driving"
+    assert trip.go(60, walks)
+    assert trip.events[-1].reached
+    assert min(gaps) > 0
+    assert trip.now > walked + 4.0
+
+
+def test_options_are_published_on_the_way_and_a_row_is_taken_until_the_robot_is_there(round_a_box):
+    trip, said = on_the_way(round_a_box, offers=2.0)
+    before = len(trip.events)
+    assert trip.go(5, lambda: len(trip.events) > before)
+    offer = trip.events[-1].options
+    ahead, row = offer["ahead"], offer["named"]["least proximity"]
+    assert -0.06 <= ahead["after"] - (ahead["x"] - trip.robot.x) / 0.8 <= 0.46  # if it brakes for a turn there
+    trip.go(ahead["until"] - 0.1)
+    trip.follower.take(str(row), trip.now)
+    assert "the plan changes at" in said[-1]
+    cost = dict(zip(offer["rows"], offer["costs"], strict=True))[row]
+    with pytest.raises(RosError, match="row 0 belongs to an earlier front"):
+        trip.follower.take("0", trip.now)
+    trip.go(0.1)
+    taken = next(event for event in trip.events[::-1] if event.path is not None)
+    assert taken.options["costs"][taken.options["rows"].index(taken.options["chosen"])] == cost
+
+
+def test_an_option_near_the_goal_is_taken_after_a_stop_that_is_said(round_a_box):
+    trip, said = on_the_way(round_a_box)
+    assert trip.go(20, lambda: trip.state()["remaining_length"] < 0.5)
+    trip.follower.take("least turns", trip.now)
+    assert said[-1].startswith("stops: another option was taken")
+    assert trip.go_until_ended().reached
