@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from hpop.criteria.base import criterion as criterion
     from hpop.drive.script import follow as follow
     from hpop.goals.tour import Tour as Tour
+    from hpop.models import Ackermann as Ackermann
     from hpop.models import DifferentialDrive as DifferentialDrive
     from hpop.models import MobileArm as MobileArm
     from hpop.models import PanTilt as PanTilt

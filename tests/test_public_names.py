@@ -71,6 +71,7 @@ hpop.history.History
 hpop.live.record.read_record
 hpop.math.hypot
 hpop.math.smooth_abs
+hpop.models.Ackermann
 hpop.models.DifferentialDrive
 hpop.models.SerialArm
 hpop.models.base.Joint

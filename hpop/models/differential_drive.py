@@ -197,10 +197,10 @@ class DifferentialDrive(PlanarModel):
         for name in (*lengths, *rates):
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
-        object.__setattr__(self, "camera_offset", _checked_offset(self.camera_offset))
+        object.__setattr__(self, "camera_offset", checked_offset(self.camera_offset))
         object.__setattr__(self, "seat", checked_seat(self.seat))
         if self.footprint is not None:
-            object.__setattr__(self, "footprint", _checked_footprint(self.footprint))
+            object.__setattr__(self, "footprint", checked_footprint(self.footprint))
 
     @property
     def provides(self) -> frozenset[str]:
@@ -310,7 +310,7 @@ class DifferentialDrive(PlanarModel):
         return doubtful(law, start, end) | doubtful_speeds(law, start, end)
 
 
-def _checked_offset(offset: Any) -> tuple[float, float]:
+def checked_offset(offset: Any) -> tuple[float, float]:
     """Check the option ``camera_offset`` and return it as two floats, m."""
     try:
         ahead, left = offset
@@ -323,7 +323,7 @@ def _checked_offset(offset: Any) -> tuple[float, float]:
     return float(ahead), float(left)
 
 
-def _checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
+def checked_footprint(corners: Any) -> tuple[tuple[float, float], ...]:
     """Check the option ``footprint`` and return its corners as pairs of floats, m."""
     try:
         points = tuple((float(x), float(y)) for x, y in corners)

@@ -90,6 +90,21 @@ class Drive(LawDefaults):
         """Return the absolute rotation (M,), rad: ∫ |ω| dt, which is right also if ω changes its sign."""
         return _absolute_integral(end.clock - start.clock, start.turn_rate, end.turn_rate)
 
+    def pieces(self, start: States, end: States, reach: float, bulge: float) -> Column:
+        """Return into how many equal times Δ (M,) curves must be cut for collision tests.
+
+        A point at distance r from the axis accelerates by at most A = |a| + |v ω| + r (|α| + ω²), so it is at most
+        A Δ²/8 from its chord. For r up to ``reach``, m, that must be within ``bulge``, m.
+        """
+        lasts = end.clock - start.clock
+        per_second = np.divide(1.0, lasts, out=np.zeros(lasts.shape), where=lasts > 0)
+        speed, turning = (
+            np.maximum(np.abs(getattr(start, n)), np.abs(getattr(end, n))) for n in ("speed", "turn_rate")
+        )
+        gain, bend = (np.abs(getattr(end, n) - getattr(start, n)) * per_second for n in ("speed", "turn_rate"))
+        most = gain + speed * turning + reach * (bend + turning * turning)
+        return np.ceil(lasts * np.sqrt(most / (8.0 * bulge)))
+
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
         """Return the signed rotations (M,), rad, before and after the yaw rate changes its sign.
 

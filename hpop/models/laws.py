@@ -56,7 +56,7 @@ def rest_to_rest(distance: Column, speed: float, acceleration: float) -> tuple[P
     )
 
 
-def with_waits(motion: tuple[Phase, ...], loss: float) -> tuple[Phase, ...]:
+def with_waits(motion: tuple[Phase, ...], loss: Column) -> tuple[Phase, ...]:
     """Return the phases of a motion in place with a wait before and a wait after it, each ``loss``/2 s long.
 
     ``loss`` is the time that the robot loses by stopping before the motion and starting again after it.

@@ -242,6 +242,12 @@ class PlanarCurve(PlanarLaw, Curve, Protocol):
     def swept(self, start: States, end: States) -> Column:
         """Return the absolute rotation (M,) of the base, rad; turns left and turns right both count."""
 
+    def pieces(self, start: States, end: States, reach: float, bulge: float) -> Column:
+        """Return into how many equal shares (M,) curves must be cut for collision tests.
+
+        No point within ``reach``, m, of the axis then leaves the chord of its path by more than ``bulge``, m.
+        """
+
 
 def is_planar(law: Law) -> TypeGuard[PlanarLaw]:
     """Return whether a law follows :class:`PlanarLaw`: it gives path length and rotation in closed form."""

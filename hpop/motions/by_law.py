@@ -108,7 +108,7 @@ def refuse_holds(model: Model, kinds: tuple[str, ...], states: States) -> None:
     laws, size = laws_of(model), len(kinds)
     for i in (i for i, kind in enumerate(kinds) if kind == HOLD.kind):
         for beside, share in ((i - 1, 1.0), (i + 1, 0.0)):
-            if not (0 <= beside < size and is_curve(law := laws[kinds[beside]])):
+            if not (0 <= beside < size and is_curve(law := laws[kinds[beside]]) and CLOCK in law.extra):
                 continue
             start, end = states.take([beside]), states.take([beside + 1])
             lasts = float(sum(phase.duration for phase in law.phases(start, end))[0])

@@ -90,6 +90,8 @@ class Law(Protocol):
     extra       names of state columns that the law needs beside the model's own; default (). A law that stores its
                 duration in states uses the column ``clock``, s, from any zero: the difference is the duration
     reversible  True if the motion from b to a passes the same states as the motion from a to b; default False
+    ends_turn   method: takes states start and end (M,), returns a mask (M,): for curves, True where a turn ends with
+                the motion although the next motion turns the same way; default all False
     quadrature  "adaptive" if costs are integrated adaptively (:mod:`hpop.motions.quadrature`); default None: with
                 intervals of fixed length
     """
@@ -122,6 +124,8 @@ class Law(Protocol):
         @property
         def quadrature(self) -> str | None: ...
 
+        def ends_turn(self, start: States, end: States) -> BoolArray: ...
+
 
 class LawDefaults:
     """Defaults of a law's optional members."""
@@ -129,6 +133,10 @@ class LawDefaults:
     extra: ClassVar[tuple[str, ...]] = ()
     reversible: ClassVar[bool] = False
     quadrature: ClassVar[str | None] = None
+
+    def ends_turn(self, start: States, end: States) -> BoolArray:
+        """Return a mask (M,): True where no turn along curves goes on beyond the end of a motion; here none."""
+        return np.zeros(start.size, dtype=np.bool_)
 
 
 @runtime_checkable

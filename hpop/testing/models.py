@@ -15,7 +15,7 @@ from hpop.base.registry import make_model, with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.base import PlanarModel
-from hpop.motions import HOLD, MODEL_DEFAULTS, Model, Motions, States, is_curve, laws_of, stands
+from hpop.motions import HOLD, MODEL_DEFAULTS, Law, Model, Motions, States, is_curve, laws_of, stands
 from hpop.motions.by_law import STILL
 from hpop.motions.laws import PACE, SPEED
 from hpop.planners.needs import in_plane
@@ -42,6 +42,7 @@ NEARER = 0.8  # share of the way to b in each draw after the first
 DRAWS = 50  # of pairs of states, until enough of them are joinable
 STATES = 200  # random states that are read and connected
 JUDGED = 80  # random states, and random motions of each law, that are checked for collisions
+MOST_TURN = 1.5  # rad, of a random arc
 HELD = 2.0  # s, duration of the hold in a trajectory
 NEAR = 0.15  # length of drawn motions, as a share of the distance to another state; short motions are often free
 PASSED = 0.01  # m or rad: largest distance of an execution from the planned states as it passes them
@@ -60,7 +61,8 @@ def check_model(model: Model, *, rng: RNG = 0) -> None:
 def model_checks(model: Model, *, rng: RNG = 0) -> Iterator[Check]:
     """Yield the checks of a model, one after the other; checks that need motions are skipped if its laws are faulty.
 
-    Of the laws of curves, only "drive" is checked, since hpop cannot make random motions of others.
+    Of the laws of curves, only "drive" and those of the plane that two poses determine are checked, since hpop cannot
+    make random motions of others.
     """
     with_optional_members(model, MODEL_DEFAULTS)
     seed = seed_of(rng)
@@ -205,6 +207,8 @@ def drawn_motions(
     if stands(law):
         return holds(world, model, drawn_states(model, world, rng, size), rng)
     if is_curve(law):
+        if law.varies - {PACE} == {"x", "y", "yaw"} and not set(law.extra) - {PACE}:
+            return _drawn_arcs(model, law, world, rng, size, share)
         return random_motions(rng, world, model, kind, size) if kind == "drive" else None
     start, other = drawn_pairs(model, world, rng, size)
     changes, ones = space.differences(start, other), np.ones(size)
@@ -220,6 +224,18 @@ def drawn_motions(
         before, after = rng.uniform(0.1, 1.0, (2, size))
         start, end = States(**start.__dict__ | {PACE: before}), States(**led | {PACE: after})
     return Motions(world, model, law, start, end, t0=np.zeros(size))
+
+
+def _drawn_arcs(model: Model, law: Law, world: World, rng: np.random.Generator, size: int, share: float) -> Motions:
+    """Return random motions (size,) along arcs, for a law of curves that the poses at their ends determine."""
+    start, other = drawn_pairs(model, world, rng, size)
+    turn = rng.uniform(-MOST_TURN, MOST_TURN, size)
+    chord, ahead = share * np.hypot(other.x - start.x, other.y - start.y), start.yaw + 0.5 * turn
+    end = {"x": start.x + chord * np.cos(ahead), "y": start.y + chord * np.sin(ahead), "yaw": start.yaw + turn}
+    paces = {PACE: rng.uniform(0.1, 1.0, size)} if PACE in law.extra else {}
+    faster = {PACE: rng.uniform(0.1, 1.0, size)} if PACE in law.extra else {}
+    begin, stop = States(**start.__dict__ | paces), States(**start.__dict__ | end | faster)
+    return Motions(world, model, law, begin, stop, t0=np.zeros(size))
 
 
 def _laws_fault(model: Model, world: World, rng: np.random.Generator, batches: list[Motions]) -> str:

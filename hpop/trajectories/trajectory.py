@@ -252,18 +252,21 @@ class Trajectory:
         """Signed angles, rad, of the turns along curves that end in each motion: two columns (n,), 0 for none.
 
         A turn is a maximal stretch of curves in which the heading changes with one sign. It ends with a motion if the
-        next motion turns the other way or does not turn at all. It also ends within a motion where the yaw rate changes
-        its sign. So up to two turns can end in one motion. Cutting curves into pieces does not change their turns.
+        next motion turns the other way or does not turn at all, or if its law says so. It also ends within a motion
+        where the yaw rate changes its sign. So up to two turns can end in one motion. Cutting curves into pieces does
+        not change their turns, unless the law ends a turn with each motion.
         """
         if not any(True for _ in self._curves()):
             return np.zeros(len(self)), np.zeros(len(self))
-        first, second = np.zeros(len(self)), np.zeros(len(self))
+        first, second, straight = np.zeros(len(self)), np.zeros(len(self)), np.zeros(len(self), dtype=bool)
         for index, law in self._curves():
-            first[index], second[index] = law.bends(self.states.take(index), self.states.take(index + 1))
+            ends = self.states.take(index), self.states.take(index + 1)
+            first[index], second[index] = law.bends(*ends)
+            straight[index] = law.ends_turn(*ends)
         ended: tuple[FloatArray, FloatArray] = (np.zeros(len(self)), np.zeros(len(self)))
         rotated = 0.0  # in the stretch so far
         for i in range(len(self)):
-            if rotated * first[i] <= 0.0 and i:
+            if i and (rotated * first[i] <= 0.0 or straight[i - 1]):
                 ended[int(second[i - 1] != 0.0)][i - 1] = rotated
                 rotated = 0.0
             rotated += first[i]

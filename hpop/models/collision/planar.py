@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
@@ -24,6 +24,7 @@ from hpop.runtime import limits
 from hpop.world.geometry.shapes import overlaps
 
 if TYPE_CHECKING:
+    from hpop.models.rigid import PlanarCurve
     from hpop.world import World
     from hpop.world.geometry.planar import FreeSpace
 
@@ -73,8 +74,8 @@ class PlanarCollision:
     of the part's outlines, 5 degrees apart. They are never too small, and too large by at most 4.5 % of the part's
     reach: 2 sin(1.25 degrees) for the hull, plus the bulge of the arc beyond its chord. Moves that turn and parts on
     joints are covered in the same way; heights of parts on joints are rounded outwards. Hulls that cover a curve are
-    too large by 2 mm plus the rotation of an outline between two samples. States of curves must have the columns
-    ``speed`` and ``turn_rate``, which change linearly with time.
+    too large by 2 mm plus the rotation of an outline between two samples. Laws of curves must follow
+    :class:`hpop.models.rigid.PlanarCurve`.
     """
 
     parts: tuple[Part, ...]
@@ -307,19 +308,11 @@ class PlanarCollision:
     def _curves_free(self, part: Part, motions: Motions, at: BoolArray) -> BoolArray:
         """Return whether a part is free on those curves of a batch that the mask ``at`` selects.
 
-        Each curve is cut into equal times Δ, and each piece is covered by the convex hull of the part's outlines at its
-        ends, grown by the bulge of the paths in it. A point at distance r from the axis accelerates by at most
-        A = |a| + |v ω| + r (|α| + ω²), so it is at most A Δ²/8 from its chord.
+        Each curve is cut into equal shares, and each piece is covered by the convex hull of the part's outlines at its
+        ends, grown by the bulge of the paths in it, which the law bounds.
         """
-        start, end, law = motions.start.take(at), motions.end.take(at), motions.law
-        lasts = motions.duration[at]
-        per_second = np.divide(1.0, lasts, out=np.zeros(lasts.shape), where=lasts > 0)
-        speed, turning = (
-            np.maximum(np.abs(getattr(start, n)), np.abs(getattr(end, n))) for n in ("speed", "turn_rate")
-        )
-        gain, bend = (np.abs(getattr(end, n) - getattr(start, n)) * per_second for n in ("speed", "turn_rate"))
-        most = gain + speed * turning + part.reach * (bend + turning * turning)
-        pieces = np.maximum(1, np.ceil(lasts * np.sqrt(most / (8.0 * CURVE_MARGIN)))).astype(np.int64)
+        start, end, law = motions.start.take(at), motions.end.take(at), cast("PlanarCurve", motions.law)
+        pieces = np.maximum(1, law.pieces(start, end, part.reach, CURVE_MARGIN)).astype(np.int64)
         owner, piece = numbered(pieces)
         begin, finish = start.take(owner), end.take(owner)
         corners = []

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.errors import GraphError, ModelError
-from hpop.motions import Motions, States
+from hpop.motions import Motions, States, is_curve, laws_of
 from hpop.planners.graphs.trajectory_graph import Stretches
 from hpop.planners.objectives import quantised
 from hpop.planners.spending import Spending
@@ -278,11 +279,40 @@ class MotionChains:
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
         """Yield for each leg the indices of the chains that do not skip it, and their motions on this leg."""
-        graph = self.graph
+        graph, laws, ended = self.graph, laws_of(self.graph.model), self._ended_turns
         for i, kind in enumerate(self.kinds):
-            rows = np.flatnonzero(self.present[i])
+            rows, turns = np.flatnonzero(self.present[i]), None
             start, end = (self.corners[j].take(rows) for j in (i, i + 1))
-            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end)
+            if is_curve(laws[kind]):
+                turns = ended[0][i, rows], ended[1][i, rows]
+            yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end, turns=turns)
+
+    @cached_property
+    def _ended_turns(self) -> FloatArray:
+        """Signed rotations (2, legs, C), rad, of the turns along curves that end in each motion, 0 for none.
+
+        They are those of :attr:`Trajectory.turns` if no turn begins before a chain or goes on after it.
+        """
+        laws, size = laws_of(self.graph.model), self.tails.size
+        ended = np.zeros((2, len(self.kinds), size))
+        turning, leg, second_slot, stops = np.zeros(size), np.zeros(size, int), np.zeros(size, int), np.ones(size, bool)
+        for i, kind in enumerate(self.kinds):
+            rows, law = np.flatnonzero(self.present[i]), laws[kind]
+            if not is_curve(law) or not rows.size:
+                stops[rows] = True
+                continue
+            ends = self.corners[i].take(rows), self.corners[i + 1].take(rows)
+            first, second = law.bends(*ends)
+            new = rows[stops[rows] | (turning[rows] * first <= 0.0)]
+            ended[second_slot[new], leg[new], new] = turning[new]
+            turning[new] = 0.0
+            turning[rows] += first
+            two = second != 0.0
+            ended[0, i, rows[two]] = turning[rows[two]]
+            turning[rows[two]] = second[two]
+            leg[rows], second_slot[rows], stops[rows] = i, two, law.ends_turn(*ends)
+        ended[second_slot, leg, np.arange(size)] = turning
+        return ended
 
     def free(self) -> BoolArray:
         """Return which chains (C,) are free of collisions from beginning to end."""

@@ -1,0 +1,328 @@
+"""Robot model "ackermann": a car-like base, such as a shuttle, whose front wheels steer within limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+
+from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.options import LEAST, MOST, Angle, set_reals
+from hpop.errors import ModelError
+from hpop.models.ackermann.laws import (
+    ArcRamp,
+    CircularArc,
+    Clothoid,
+    ClothoidRamp,
+    SteeredGeometry,
+    rest_to_rest_ends,
+)
+from hpop.models.ackermann.words import MOST as LETTERS
+from hpop.models.ackermann.words import Word, composed, dubins, reeds_shepp
+from hpop.models.base import PlanarModel, model, plane_space
+from hpop.models.collision.parts import Part, convex_parts
+from hpop.models.differential_drive import LONGEST, SLOWEST, checked_footprint, checked_offset
+from hpop.models.ramps import doubtful_ramps, ramp_faults
+from hpop.models.rigid import FieldOfView, Mount, checked_field_of_view
+from hpop.motions import HOLD, Law, Leg, States, StateSpace, laws_of
+from hpop.motions.by_law import extras
+from hpop.motions.laws import CLOCK, PACE
+from hpop.trajectories.trajectory import Trajectory
+
+STEEPEST = 1.5  # rad: largest steering angle that an option may have
+HEADINGS = 32  # headings that are tried where the goal leaves the heading free
+MOST_ARC = 3.0  # rad: longer arcs are cut, so that no motion turns by more than half a turn
+CLOSE = 1e-6  # relative tolerance of limits
+JUMP = 1e-4  # rad: smallest change of the steering angle that counts as a jump
+
+
+@model("ackermann")
+@dataclass(frozen=True)
+class Ackermann(PlanarModel):
+    """Car-like base: rear wheels that roll, front wheels that steer; states x, y (m) of the rear axle and yaw (rad).
+
+    wheelbase       m      distance between the axles
+    steering        rad    largest steering angle δ; the smallest radius is wheelbase/tan δ
+    steering_rate   rad/s  largest rate of the steering angle; None if the wheels take any angle at once
+    speed           m/s    cruise speed forwards
+    reverse_speed   m/s    cruise speed backwards; 0 for a base that only goes forwards
+    acceleration    m/s²   along the path
+    footprint       m      corners ((x, y), ...) of a polygon that contains the middle of the rear axle, (0, 0), x ahead
+    body_height     m      top of the body above the floor
+    camera_height   m      of the camera above the floor
+    camera_offset   m      of the camera from the middle of the rear axle, (ahead, left)
+    field_of_view   rad    angles of view (h, v); None for all round
+
+    Motions are arcs, which include straight moves, and clothoids (:mod:`hpop.models.ackermann.laws`). Two states are
+    joined by the shortest path of arcs and straight moves: a word of Reeds and Shepp or, for a base that only goes
+    forwards, of Dubins. With a ``steering_rate`` the car stands while it steers from arc to arc. The planner
+    ``exact: {on: primitives}`` plans clothoids, on which it steers while it drives.
+    """
+
+    executed: ClassVar[Mapping[str, str]] = {"arc": "arc_ramp", "clothoid": "clothoid_ramp"}
+
+    wheelbase: float = 0.8
+    steering: Angle = 0.6
+    steering_rate: float | None = 0.8
+    speed: float = 1.0
+    reverse_speed: float = 0.5
+    acceleration: float = 1.0
+    footprint: tuple[tuple[float, float], ...] = ((1.0, 0.3), (-0.2, 0.3), (-0.2, -0.3), (1.0, -0.3))
+    body_height: float = 1.3
+    camera_height: float = 1.2
+    camera_offset: tuple[float, float] = (0.4, 0.0)
+    field_of_view: FieldOfView | None = None
+
+    def __post_init__(self) -> None:
+        lengths, rates = ("wheelbase", "body_height", "camera_height"), ("speed", "acceleration")
+        set_reals(self, *lengths, least=LEAST, most=LONGEST, kind="a positive length in m", error=ModelError)
+        set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
+        set_reals(self, "steering", least=SLOWEST, most=STEEPEST, kind="an angle in rad", error=ModelError)
+        set_reals(
+            self, "reverse_speed", least=0.0, most=self.speed, kind="a speed in m/s up to speed", error=ModelError
+        )
+        if self.steering_rate is not None:
+            set_reals(self, "steering_rate", least=SLOWEST, most=MOST, kind="None, or rad/s", error=ModelError)
+        for name in (*lengths, *rates, "steering", "reverse_speed"):
+            object.__setattr__(self, name, float(getattr(self, name)))
+        object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
+        object.__setattr__(self, "camera_offset", checked_offset(self.camera_offset))
+        object.__setattr__(self, "footprint", checked_footprint(self.footprint))
+
+    @property
+    def provides(self) -> frozenset[str]:
+        """Capabilities: those of every planar model, and "heading" if the base only goes forwards."""
+        return super().provides | (frozenset() if self.reverse_speed else {"heading"})
+
+    @property
+    def radius(self) -> float:
+        """Smallest radius, m, on which the middle of the rear axle can drive."""
+        return self.wheelbase / math.tan(self.steering)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remark on what plans leave out; none for a base that only goes forwards."""
+        note = "planned durations leave out stops where a car reverses its direction; its execution has them"
+        return (note,) if self.reverse_speed else ()
+
+    @cached_property
+    def space(self) -> StateSpace:
+        """State space of x, y and yaw; in distances a radian counts as the smallest arc that turns by it."""
+        return plane_space(self.radius)
+
+    @cached_property
+    def laws(self) -> Mapping[str, Law]:
+        """Motion laws by kind: planned ("arc", "clothoid") and executed ("arc_ramp", "clothoid_ramp")."""
+        speeds, rate = (self.speed, self.reverse_speed), self.steering_rate
+        return {
+            "arc": CircularArc(*speeds, self.wheelbase, rate, 0.0 if rate is None else self.speed / self.acceleration),
+            "clothoid": Clothoid(*speeds),
+            "arc_ramp": ArcRamp(self.speed, self.acceleration),
+            "clothoid_ramp": ClothoidRamp(self.speed, self.acceleration),
+        }
+
+    @cached_property
+    def mounts(self) -> Mapping[str, Mount]:
+        """Positions of the bodies "base" and "camera"."""
+        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height)}
+
+    @cached_property
+    def parts(self) -> tuple[Part, ...]:
+        """Collision geometry: the body."""
+        return convex_parts(self.footprint, 0.0, self.body_height)
+
+    def path(self, a: States, b: States) -> Word:
+        """Return the shortest paths between states (M,), as words with lengths in radii; NaN yaws of b are chosen."""
+        dx, dy = (b.x - a.x) / self.radius, (b.y - a.y) / self.radius
+        x, y = dx * np.cos(a.yaw) + dy * np.sin(a.yaw), dy * np.cos(a.yaw) - dx * np.sin(a.yaw)
+        shortest = reeds_shepp if self.reverse_speed else dubins
+        yaw = np.broadcast_to(b.yaw - a.yaw, x.shape)
+        free = np.flatnonzero(np.isnan(yaw))
+        found = shortest(x, y, np.nan_to_num(yaw))
+        if free.size:
+            turns = np.linspace(0.0, 2.0 * np.pi, HEADINGS, endpoint=False)
+            tried = shortest(np.repeat(x[free], HEADINGS), np.repeat(y[free], HEADINGS), np.tile(turns, free.size))
+            best = tried.total.reshape(-1, HEADINGS).argmin(axis=1) + HEADINGS * np.arange(free.size)
+            for column, chosen in zip(found, tried, strict=True):
+                column[free] = chosen[best]
+        return found
+
+    def connect(self, a: States, b: States) -> list[Leg]:
+        """Return the arcs and straight moves of the shortest paths from states a (M,) to b (M,)."""
+        word = self.path(a, b)
+        count = 2 if self.reverse_speed else 3  # pieces of an arc; words with motions backwards have arcs up to pi
+        turned = np.abs(word.curvature * word.length)
+        pieces = np.clip(np.ceil(turned / MOST_ARC), 1, count)
+        share = (np.arange(count) < pieces[..., None]) / pieces[..., None]  # (M, 5, count)
+        length = (word.length[..., None] * share).reshape(-1, LETTERS * count)
+        curvature = np.repeat(word.curvature, count, axis=1)
+        x, y, turn = composed(curvature, length)
+        cos, sin = np.cos(a.yaw)[:, None], np.sin(a.yaw)[:, None]
+        place = a.x[:, None] + self.radius * (x * cos - y * sin), a.y[:, None] + self.radius * (x * sin + y * cos)
+        exact = [np.isfinite(b.x), np.isfinite(b.y), np.isfinite(b.yaw)]
+        legs = []
+        moves = np.abs(length) > 0
+        last = np.where(moves.any(axis=1), length.shape[1] - 1 - np.argmax(moves[:, ::-1], axis=1), -1)
+        for i in range(length.shape[1]):
+            ends = place[0][:, i + 1], place[1][:, i + 1], a.yaw + turn[:, i + 1]
+            arrived = (i >= last) & (last >= 0)
+            goal = b.x, b.y, ends[2] + np.angle(np.exp(1j * (b.yaw - ends[2])))
+            columns = (
+                np.where(arrived & known, there, end) for known, there, end in zip(exact, goal, ends, strict=True)
+            )
+            legs.append(Leg("arc", States(**dict(zip(self.space.names, columns, strict=True))), moves[:, i]))
+        return legs
+
+    def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:
+        """Return what the car really drives, and the times (n+1,), s, at which it passes the planned states.
+
+        The car drives runs from rest to rest. It stops where it reverses, at holds, and where it must steer before it
+        can go on; there it stands for the change of the steering angle divided by the steering rate.
+        """
+        return _executed(self, trajectory)
+
+    def faults(self, trajectory: Trajectory) -> Iterator[str]:
+        """Yield a text for each kind of fault: too sharp, backwards, steering too fast, or beyond a speed limit."""
+        yield from super().faults(trajectory)
+        yield from ramp_faults(trajectory)
+        kinds = np.array(trajectory.kinds, dtype=object)
+        for kind in dict.fromkeys(trajectory.kinds):
+            law, rows = laws_of(self)[kind], np.flatnonzero(kinds == kind)
+            if isinstance(law, SteeredGeometry):
+                start, end = trajectory.states.take(rows), trajectory.states.take(rows + 1)
+                for fault, wrong in self._wrong(law, start, end).items():
+                    if wrong.any():
+                        yield f"{fault} in motion {rows[np.argmax(wrong)]}, a {kind}"
+        yield from self._jumps(trajectory)
+
+    def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
+        """Return a mask (M,) of motions that need :meth:`faults`: all clothoids, ramps, and arcs beyond a limit."""
+        found = super().doubtful(law, start, end) | doubtful_ramps(law, start, end)
+        if not isinstance(law, SteeredGeometry):
+            return found
+        if law.kind != "arc":
+            return np.ones(start.size, dtype=np.bool_)
+        return np.asarray(np.logical_or.reduce([found, *self._wrong(law, start, end).values()]))
+
+    def _wrong(self, law: SteeredGeometry, start: States, end: States) -> dict[str, BoolArray]:
+        """Return masks (M,) of the motions with each kind of fault, by its text."""
+        shape = law.shape(start, end)
+        bends = [np.abs(shape.curvature(share)) for share in (0.0, 1.0)]
+        sharpest = np.maximum(*bends)
+        fault = {
+            "bends more sharply than its steering allows": sharpest * self.radius > 1.0 + CLOSE,
+            "goes backwards": (shape.length < -CLOSE) & (self.reverse_speed == 0.0),
+        }
+        fastest = top = np.where(shape.length < 0, self.reverse_speed, self.speed)
+        if PACE in law.extra:
+            fastest = self.speed * np.maximum(start.pace, end.pace)
+            fault["drives faster than its speed in this direction"] = fastest > top * (1.0 + CLOSE)
+        if self.steering_rate is not None:
+            straightest = np.where(np.abs(shape.bend) >= np.abs(shape.turn), 0.0, np.minimum(*bends))
+            rate = self.wheelbase * np.abs(shape.sharpness) * fastest / (1.0 + (self.wheelbase * straightest) ** 2)
+            fault["steers faster than its steering rate"] = rate > self.steering_rate * (1.0 + CLOSE)
+        return {text: np.asarray(wrong) for text, wrong in fault.items()}
+
+    def _jumps(self, trajectory: Trajectory) -> Iterator[str]:
+        """Yield a text for the first state that the car passes at speed although its steering angle jumps there."""
+        if self.steering_rate is None:
+            return
+        angles = self.steering_angles(trajectory)
+        pace = getattr(trajectory.states, PACE, np.ones(len(trajectory) + 1))
+        kinds, drives = trajectory.kinds, [PACE in laws_of(self)[kind].extra for kind in trajectory.kinds]
+        for i in range(1, len(trajectory)):
+            moves = bool(pace[i] > 0) if drives[i] else kinds[i - 1] == kinds[i] == "clothoid"
+            if moves and abs(angles[1][i - 1] - angles[0][i]) > JUMP and HOLD.kind not in kinds[i - 1 : i + 1]:
+                yield f"passes state {i} at speed, although its steering angle jumps there"
+                return
+
+    def steering_angles(self, trajectory: Trajectory) -> tuple[FloatArray, FloatArray]:
+        """Return the steering angles, rad, at the start and at the end of each motion (n,); 0 in holds."""
+        found = np.zeros((2, len(trajectory)))
+        kinds = np.array(trajectory.kinds, dtype=object)
+        for kind in dict.fromkeys(trajectory.kinds):
+            law, rows = laws_of(self)[kind], np.flatnonzero(kinds == kind)
+            if isinstance(law, SteeredGeometry):
+                shape = law.shape(trajectory.states.take(rows), trajectory.states.take(rows + 1))
+                for side, share in enumerate((0.0, 1.0)):
+                    found[side, rows] = np.arctan(self.wheelbase * shape.curvature(share))
+        return found[0], found[1]
+
+
+def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatArray]:
+    """Return the execution of a plan, and the times (n+1,), s, at which it passes the planned states."""
+    if not set(planned.kinds) & robot.executed.keys():
+        return planned, planned.times
+    names, laws, states = robot.space.names, laws_of(robot), planned.states
+    lengths, angles, passed = _lengths(robot, planned), robot.steering_angles(planned), np.zeros(len(planned) + 1)
+    rows, kinds = [(*(float(getattr(states, name)[0]) for name in names), 0.0, 0.0)], list[str]()
+    now, clock, first = 0.0, 0.0, 0
+    while first < len(planned):
+        last = _run_end(robot, planned, lengths, angles, first)
+        stands = planned.kinds[first] == HOLD.kind
+        before = angles[1][first - 1] if first and not stands else 0.0
+        wait = float(np.diff(states.clock)[first]) if stands else abs(angles[0][first] - before)
+        wait = wait if stands or robot.steering_rate is None else wait / robot.steering_rate
+        if stands or (wait > LEAST and robot.steering_rate is not None):
+            now, clock = now + wait, clock + wait
+            rows.append((*rows[-1][:3], 0.0, clock))
+            kinds.append(HOLD.kind)
+        way = np.append(0.0, np.cumsum(np.abs(lengths[first:last])))
+        top = robot.speed if lengths[first:last].sum() >= 0 else robot.reverse_speed
+        profile = rest_to_rest_ends(float(way[-1]), top, robot.acceleration)
+        at, speed = 0.0, 0.0
+        for i, (begin, end) in enumerate(pairwise(way.tolist()), first):
+            inside = profile[(profile[:, 0] > begin + LEAST) & (profile[:, 0] < end - LEAST), 0].tolist()
+            motion, law = (states.take([i]), states.take([i + 1])), laws[planned.kinds[i]]
+            for stop in [*inside, end] if end - begin > LEAST else []:
+                share = np.array([(stop - begin) / (end - begin)])
+                here = motion[1] if stop == end else None
+                pose = (
+                    float((law.interpolate(name, *motion, share) if here is None else getattr(here, name))[0])
+                    for name in names
+                )
+                faster = float(np.sqrt(np.interp(stop, profile[:, 0], profile[:, 1] ** 2)))
+                now += 2.0 * (stop - at) / (speed + faster)
+                at, speed = stop, faster
+                rows.append((*pose, speed / robot.speed, clock))
+                kinds.append(robot.executed[planned.kinds[i]])
+            passed[i + 1] = now
+        first = last
+    columns = dict(zip((*names, PACE, CLOCK), np.array(rows).T, strict=True))
+    wanted = (*names, *extras(planned.model, kinds))
+    return Trajectory(planned.model, States(**{name: columns[name] for name in wanted}), tuple(kinds)), passed
+
+
+def _run_end(
+    robot: Ackermann, planned: Trajectory, lengths: FloatArray, angles: tuple[FloatArray, FloatArray], first: int
+) -> int:
+    """Return the index after the last motion of the run, from rest to rest, that begins with motion ``first``.
+
+    A run ends before a hold, a reversal, and a jump of the steering angle. A hold is a run of its own.
+    """
+    last = first + 1
+    if planned.kinds[first] == HOLD.kind:
+        return last
+    while last < len(planned) and planned.kinds[last] != HOLD.kind:
+        if lengths[last] * lengths[last - 1] < 0:
+            break
+        if robot.steering_rate is not None and abs(angles[0][last] - angles[1][last - 1]) > JUMP:
+            break
+        last += 1
+    return last
+
+
+def _lengths(robot: Ackermann, planned: Trajectory) -> FloatArray:
+    """Return the signed length (n,), m, of each motion; 0 for holds."""
+    lengths = np.zeros(len(planned))
+    kinds = np.array(planned.kinds, dtype=object)
+    for kind in dict.fromkeys(planned.kinds):
+        law, rows = laws_of(robot)[kind], np.flatnonzero(kinds == kind)
+        if isinstance(law, SteeredGeometry):
+            lengths[rows] = law.shape(planned.states.take(rows), planned.states.take(rows + 1)).length
+    return lengths

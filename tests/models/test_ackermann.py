@@ -1,0 +1,256 @@
+"""Tests of the car-like base: laws against Fresnel integrals, shortest paths against brute force, and limits."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise, product
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from scipy.special import fresnel
+
+import hpop
+from hpop.errors import ModelError
+from hpop.models.ackermann.laws import clothoid_shape
+from hpop.models.ackermann.words import LETTERS, composed, dubins, reeds_shepp
+from hpop.motions import States
+from hpop.testing import check_model
+from hpop.trajectories.trajectory import Trajectory
+
+CAR = hpop.Ackermann(wheelbase=2.0, steering=0.5, steering_rate=0.5, speed=2.0, reverse_speed=1.0)
+
+
+def poses(*rows: tuple[float, float, float]) -> States:
+    return States(**dict(zip(("x", "y", "yaw"), np.array(rows, float).T, strict=True)))
+
+
+def random_poses(size: int, reach: float = 5.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(40)
+    return rng.uniform(-reach, reach, size), rng.uniform(-reach, reach, size), rng.uniform(-np.pi, np.pi, size)
+
+
+def fresnel_point(sharpness: float, length: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the point of a clothoid from the origin with curvature ``sharpness`` times the length, by scipy."""
+    scale = math.sqrt(math.pi / abs(sharpness))
+    sine, cosine = fresnel(length / scale)
+    return scale * cosine, math.copysign(scale, sharpness) * sine
+
+
+@pytest.mark.parametrize(("sharpness", "length"), [(0.1, 3.0), (-0.4, 2.0), (0.02, 8.0), (1.5, 1.2)])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_clothoid_is_the_fresnel_integral(sharpness, length, backwards):
+    """Euler's spiral from a straight start, also when it is driven from its curved end back to the origin."""
+    law, turn = CAR.laws["clothoid"], 0.5 * sharpness * length**2
+    x, y = fresnel_point(sharpness, np.array([length]))
+    ends = poses((0, 0, 0)), poses((x[0], y[0], turn))
+    start, end = ends[::-1] if backwards else ends
+    shape = law.shape(start, end)
+    assert shape.length[0] == pytest.approx(-length if backwards else length, abs=1e-11)
+    assert shape.curvature(0.0 if backwards else 1.0)[0] == pytest.approx(sharpness * length, abs=1e-10)
+    assert shape.curvature(1.0 if backwards else 0.0)[0] == pytest.approx(0.0, abs=1e-10)
+    for share in (0.25, 0.6, 1.0):
+        at = fresnel_point(sharpness, np.array([length * share]))
+        there = 1.0 - share if backwards else share
+        for name, expected in zip("xy", at, strict=True):
+            assert law.interpolate(name, start, end, np.array([there])) == pytest.approx(expected, abs=1e-11)
+
+
+def test_a_clothoid_between_ends_of_an_arc_is_that_arc():
+    ends = poses((1, 2, 0.3)), poses((3.0, 3.5, 0.3 + 2 * (math.atan2(1.5, 2.0) - 0.3)))
+    arc, spiral = CAR.laws["arc"].shape(*ends), CAR.laws["clothoid"].shape(*ends)
+    assert spiral.length == pytest.approx(arc.length, abs=1e-12)
+    assert abs(spiral.bend[0]) < 1e-12
+
+
+@pytest.mark.parametrize("kind", ["arc", "clothoid"])
+def test_derivatives_of_a_curve_are_those_of_its_states(kind):
+    law, share, by = CAR.laws[kind], np.array([0.37]), 1e-5
+    turn = 0.8 if kind == "clothoid" else 2 * math.atan2(0.5, 2.0) - 2 * 0.1
+    start, end = poses((0, 0, 0.1)), poses((2.0, 0.5, 0.1 + turn))
+    for name in ("x", "y", "yaw"):
+        before, here, after = (law.interpolate(name, start, end, share + k * by) for k in (-1, 0, 1))
+        first, second = law.slopes(name, start, end, share)
+        assert first == pytest.approx((after - before) / (2 * by), abs=1e-8)
+        assert second == pytest.approx((after - 2 * here + before) / by**2, abs=1e-4)
+
+
+def test_a_clothoid_that_newton_does_not_find_is_refused():
+    """A pose beside the start, in the opposite heading, is the end of no short spiral."""
+    assert not np.isfinite(CAR.laws["clothoid"].strays(poses((0, 0, 0)), poses((0.0, 0.0, 4.0))))[0]
+
+
+@pytest.mark.parametrize("shortest", [dubins, reeds_shepp])
+def test_words_end_in_the_wanted_poses(shortest):
+    x, y, yaw = random_poses(2000)
+    word = shortest(x, y, yaw)
+    ends = [column[:, -1] for column in composed(word.curvature, word.length)]
+    assert ends[0] == pytest.approx(x, abs=1e-9)
+    assert ends[1] == pytest.approx(y, abs=1e-9)
+    assert np.abs(np.angle(np.exp(1j * (ends[2] - yaw)))).max() < 1e-9
+    assert (word.length >= 0).all() == (shortest is dubins)
+
+
+def test_known_shortest_paths():
+    """A straight move; half a circle; parallel parking; a turn on the spot by three arcs of 60 degrees."""
+    x, y, yaw = (np.array(column) for column in ([3.0, 0.0, 0.0], [0.0, 2.0, 0.0], [0.0, np.pi, np.pi]))
+    assert reeds_shepp(x, y, yaw).total == pytest.approx([3.0, np.pi, np.pi])
+    assert dubins(x, y, yaw).total[:2] == pytest.approx([3.0, np.pi])
+    assert dubins(x, y, yaw).total[2] == pytest.approx(7 * np.pi / 3)
+
+
+def test_reeds_and_shepp_are_symmetric_and_never_longer_than_dubins():
+    x, y, yaw = random_poses(2000)
+    there = reeds_shepp(x, y, yaw).total
+    back = reeds_shepp(-x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) - y * np.cos(yaw), -yaw).total
+    assert there == pytest.approx(back, abs=1e-9)
+    assert (there <= dubins(x, y, yaw).total + 1e-9).all()
+    assert (there >= np.hypot(x, y) - 1e-9).all()
+
+
+def shortest_by_descent(pose: tuple[float, float, float], letters: str, forwards: bool, starts: int) -> float:
+    """Return the least length of words with given letters that end in a pose, by descent from random starts."""
+    bends = np.array([[LETTERS[letter] for letter in letters]])
+
+    def miss(ways: np.ndarray) -> np.ndarray:
+        x, y, yaw = (column[0, -1] for column in composed(bends, ways[None]))
+        return np.array([x - pose[0], y - pose[1], np.sin(0.5 * (yaw - pose[2]))])
+
+    best, rng = np.inf, np.random.default_rng(0)
+    for _ in range(starts):
+        ways = rng.uniform(0, 2, len(letters))
+        signs = np.ones(len(letters)) if forwards else rng.choice([-1.0, 1.0], len(letters))
+        found = minimize(
+            lambda w, signs=signs: float(signs @ w),
+            signs * ways,
+            constraints={"type": "eq", "fun": miss},
+            bounds=[(0, 9) if sign > 0 else (-9, 0) for sign in signs],
+            method="SLSQP",
+        )
+        if np.abs(miss(found.x)).max() < 1e-8:
+            best = min(best, float(np.abs(found.x).sum()))
+    return best
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize("forwards", [True, False])
+def test_no_word_of_up_to_five_letters_is_shorter(forwards):
+    """Brute force: all sequences of letters, and descent from random starts, for 12 poses."""
+    size = 3 if forwards else 5
+    words = ["".join(word) for word in product("LSR", repeat=size)]
+    words = [word for word in words if all(a != b for a, b in pairwise(word))]
+    x, y, yaw = random_poses(12, 3.0)
+    ours = (dubins if forwards else reeds_shepp)(x, y, yaw).total
+    for i in range(12):
+        least = min(shortest_by_descent((x[i], y[i], yaw[i]), word, forwards, 12 if forwards else 6) for word in words)
+        assert ours[i] <= least + 1e-6
+        assert least <= ours[i] + 1e-4
+
+
+@pytest.mark.parametrize("car", [CAR, hpop.Ackermann(reverse_speed=0.0)], ids=["reverses", "forwards"])
+def test_a_goal_of_free_heading_takes_a_short_way(car):
+    """No path to a free heading is longer than that to the heading of the chord."""
+    x, y, yaw = random_poses(50)
+    a, b = States(x=0 * x, y=0 * y, yaw=yaw), States(x=x, y=y, yaw=np.full(50, np.nan))
+    legs = car.connect(a, b)
+    assert np.isfinite(legs[-1].end.yaw).all()
+    assert legs[-1].end.x == pytest.approx(x, abs=1e-9)
+    same = States(x=x, y=y, yaw=yaw)
+    assert (car.path(a, b).total <= car.path(a, same).total + 1e-9).all()
+
+
+def test_a_plan_steers_while_it_stands_and_its_execution_stops_where_it_reverses():
+    ends = poses((0, 0, 0), (0.0, 6.0, math.pi))
+    plan = Trajectory.through(CAR, ends)
+    done = plan.execution()
+    assert set(plan.kinds) == {"arc"}
+    assert "hold" in done.kinds
+    assert done.duration <= plan.duration + 1e-9
+    times = np.linspace(0, done.duration, 400)
+    rates, changes = done.rates(times)
+    speed = np.hypot(rates.x, rates.y)
+    assert speed.max() <= CAR.speed + 1e-9
+    assert np.abs(rates.yaw).max() <= CAR.speed / CAR.radius + 1e-9
+    states = done.at(times)
+    assert np.abs(rates.y * np.cos(states.yaw) - rates.x * np.sin(states.yaw)).max() < 1e-9  # no sliding
+    along = changes.x * np.cos(states.yaw) + changes.y * np.sin(states.yaw)
+    assert np.abs(along).max() <= CAR.acceleration + 1e-9
+
+
+def test_without_a_steering_rate_arcs_join_without_stops():
+    free = hpop.Ackermann(steering_rate=None, reverse_speed=0.0)
+    plan = Trajectory.through(free, poses((0, 0, 0), (5.0, 3.0, 0.5)))
+    done = plan.execution()
+    assert "hold" not in done.kinds
+    assert plan.duration == pytest.approx(free.radius * free.path(*(plan.states.take([i]) for i in (0, -1))).total[0])
+    assert done.duration == pytest.approx(plan.duration + free.speed / free.acceleration)
+
+
+def test_with_a_steering_rate_it_may_not_be_infinite_in_motion():
+    done = Trajectory.through(hpop.Ackermann(steering_rate=None), poses((0, 0, 0), (5.0, 3.0, 0.5))).execution()
+    names = {name: getattr(done.states, name) for name in done.states.names}
+    slow = Trajectory(hpop.Ackermann(), States(**names), done.kinds)
+    assert any("steering angle jumps" in fault for fault in slow.model.faults(slow))
+
+
+@pytest.mark.parametrize(
+    ("end", "fault"),
+    [
+        ((1.0, 1.0, math.pi / 2), "bends more sharply"),
+        ((-1.0, 0.0, 0.0), "goes backwards"),
+    ],
+)
+def test_faults_name_motions_beyond_the_limits(end, fault):
+    car = hpop.Ackermann(wheelbase=2.0, steering=0.5, reverse_speed=0.0)
+    wrong = Trajectory(car, poses((0, 0, 0), end), ("arc",))
+    assert any(fault in text for text in car.faults(wrong))
+
+
+def test_a_clothoid_too_sharp_for_the_steering_rate_is_a_fault():
+    x, y = fresnel_point(0.2, np.array([1.0]))
+    motion = Trajectory(CAR, poses((0, 0, 0), (x[0], y[0], 0.1)), ("clothoid",))
+    needed = CAR.wheelbase * 0.2 * CAR.speed
+    assert needed > CAR.steering_rate
+    assert any("steers faster" in text for text in CAR.faults(motion))
+    able = hpop.Ackermann(wheelbase=2.0, steering=0.5, steering_rate=needed * 1.001, speed=2.0)
+    assert not list(able.faults(Trajectory(able, motion.states, motion.kinds)))
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"steering": 1.6}, "steering must be"),
+        ({"wheelbase": 0}, "wheelbase must be"),
+        ({"reverse_speed": 3.0}, "reverse_speed must be"),
+        ({"steering_rate": 0}, "steering_rate must be"),
+        ({"footprint": [(1, 1), (2, 1), (2, 2)]}, "footprint must contain"),
+    ],
+)
+def test_wrong_options_are_named(options, said):
+    with pytest.raises(ModelError, match=said):
+        hpop.Ackermann(**options)
+
+
+@pytest.mark.proof
+@pytest.mark.parametrize(
+    "car",
+    [CAR, hpop.Ackermann(reverse_speed=0.0), hpop.Ackermann(steering_rate=None, camera_offset=(0.3, 0.2))],
+    ids=["large", "forwards", "at once"],
+)
+def test_cars_follow_the_rules_of_models(car):
+    for seed in range(3):
+        check_model(car, rng=seed)
+
+
+def test_the_shape_of_many_clothoids_reproduces_their_ends():
+    """Spirals with random curvatures at both ends, integrated with 2,000 steps."""
+    size, steps, rng = 40, 2000, np.random.default_rng(0)
+    begin, stop, length = rng.uniform(-0.5, 0.5, size), rng.uniform(-0.5, 0.5, size), rng.uniform(0.3, 2.5, size)
+    share = (np.arange(steps) + 0.5) / steps
+    yaw = length[:, None] * (begin[:, None] * share + 0.5 * (stop - begin)[:, None] * share**2)
+    x, y = (length * function(yaw).mean(axis=1) for function in (np.cos, np.sin))
+    end = States(x=x, y=y, yaw=0.5 * length * (begin + stop))
+    shape = clothoid_shape(States(x=0 * x, y=0 * x, yaw=0 * x), end)
+    assert shape.length == pytest.approx(length, abs=1e-5)
+    assert shape.curvature(0.0) == pytest.approx(begin, abs=1e-4)
+    assert shape.curvature(1.0) == pytest.approx(stop, abs=1e-4)
