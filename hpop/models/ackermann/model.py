@@ -28,7 +28,7 @@ from hpop.models.base import PlanarModel, model, plane_space
 from hpop.models.collision.parts import Part, convex_parts
 from hpop.models.differential_drive import LONGEST, SLOWEST, checked_footprint, checked_offset
 from hpop.models.ramps import doubtful_ramps, ramp_faults
-from hpop.models.rigid import FieldOfView, Mount, checked_field_of_view
+from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat
 from hpop.motions import HOLD, Law, Leg, States, StateSpace, laws_of
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK, PACE
@@ -57,6 +57,8 @@ class Ackermann(PlanarModel):
     camera_height   m      of the camera above the floor
     camera_offset   m      of the camera from the middle of the rear axle, (ahead, left)
     field_of_view   rad    angles of view (h, v); None for all round
+    seat            m      position (ahead, left, height) of a passenger's seat, for the criteria of felt motion; None
+                           for no seat
 
     Motions are arcs, which include straight moves, and clothoids (:mod:`hpop.models.ackermann.laws`). Two states are
     joined by the shortest path of arcs and straight moves: a word of Reeds and Shepp or, for a base that only goes
@@ -77,6 +79,7 @@ class Ackermann(PlanarModel):
     camera_height: float = 1.2
     camera_offset: tuple[float, float] = (0.4, 0.0)
     field_of_view: FieldOfView | None = None
+    seat: Position | None = None
 
     def __post_init__(self) -> None:
         lengths, rates = ("wheelbase", "body_height", "camera_height"), ("speed", "acceleration")
@@ -92,6 +95,7 @@ class Ackermann(PlanarModel):
             object.__setattr__(self, name, float(getattr(self, name)))
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", checked_offset(self.camera_offset))
+        object.__setattr__(self, "seat", checked_seat(self.seat))
         object.__setattr__(self, "footprint", checked_footprint(self.footprint))
 
     @property
@@ -128,8 +132,9 @@ class Ackermann(PlanarModel):
 
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:
-        """Positions of the bodies "base" and "camera"."""
-        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height)}
+        """Positions of the bodies "base", "camera" and, if there is one, "seat"."""
+        seat = {"seat": Mount(*self.seat)} if self.seat else {}
+        return {"base": Mount(), "camera": Mount(*self.camera_offset, self.camera_height), **seat}
 
     @cached_property
     def parts(self) -> tuple[Part, ...]:
