@@ -14,12 +14,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
-from hpop.drive.known_paths import KnownRoutes, places_of_nodes
+from hpop.drive.known_paths import KnownRoutes, arcs_between, named_heads, places_of_nodes
 from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import Motions, States
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
-CACHED = ("_places", "_finder", "tails")  # cached values that depend only on states and arcs of the graph
+CACHED = ("_places", "_finder", "_named", "tails")  # cached values that depend only on states and arcs of the graph
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
 
 
@@ -267,11 +268,12 @@ class DriveGraph:
                     break
             else:
                 return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        arcs = self._arcs(nodes[:last], nodes[1 : last + 1])
+        tails = np.flatnonzero(~self.inner.is_marker(nodes[:last]))
+        arcs = arcs_between(self.graph, self._named, nodes[tails], nodes[tails + 1])
         breaks = np.flatnonzero(arcs < 0)
         first = breaks[-1] + 1 if breaks.size else 0
         arcs = np.concatenate([arcs[first:], final])
-        return arcs, places[first : first + arcs.size]
+        return arcs, places[np.append(tails, np.arange(last, nodes.size))[first : first + arcs.size]]
 
     def _join_to_goal(self, node: int) -> IntArray:
         """Return the arcs of a join from a node to a goal beside the graph; [] if there is none.
@@ -288,16 +290,10 @@ class DriveGraph:
                 return np.array([arc, self.graph.indptr[heads[arc]]])
         return np.zeros(0, np.int64)
 
-    def _arcs(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the arcs (N,) between pairs of nodes; -1 where there is none."""
-        between = np.full(tails.size, -1)
-        here = np.flatnonzero((tails >= 0) & (heads >= 0))
-        begins, ends = self.graph.indptr[tails[here]], self.graph.indptr[tails[here] + 1]
-        for offset in range(int((ends - begins).max(initial=0))):
-            arcs = np.minimum(begins + offset, ends - 1)
-            hits = (begins + offset < ends) & (self.graph.heads[arcs] == heads[here])
-            between[here[hits]] = arcs[hits]
-        return between
+    @cached_property
+    def _named(self) -> NDArray[np.int32]:
+        """Node (m,) that follows the tail of each arc in a path."""
+        return named_heads(self.graph, self.query.space, self.inner)
 
     def known_routes(self, paths: Sequence[IntArray]) -> KnownRoutes:
         """Return known paths, given by their arcs, with their remaining costs."""

@@ -8,6 +8,7 @@ from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.costs import trajectory_costs
@@ -17,6 +18,7 @@ from hpop.drive.plan import SAME, closed_trajectories, joined, part, speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import States
 from hpop.planners.base import Candidates
+from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
 from hpop.planners.objectives import Objectives
 from hpop.runtime.status import Status
 from hpop.search import Graph
@@ -24,6 +26,7 @@ from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
     from hpop.problems.problem import Problem
 
 
@@ -166,3 +169,31 @@ def places_of_nodes(trajectory: Trajectory) -> tuple[IntArray, FloatArray]:
     before_end = np.repeat(slow + 1, 2)  # both further nodes lie between the two states of the turn
     places = np.insert(np.arange(len(trajectory) + 1), before_end, np.stack([slow, slow + 1], axis=1).ravel())
     return places, np.insert(speed_of(trajectory.states), before_end, np.repeat(classes[slow], 2))
+
+
+def named_heads(graph: Graph, space: TrajectoryGraph, inner: StateGraph) -> NDArray[np.int32]:
+    """Return the node (m,) that follows the tail of each arc of a graph in a path: its head, or a marker before it.
+
+    graph  arcs of ``space``
+    inner  the graph without added nodes, of which some arcs may have markers (:attr:`.StateGraph.markers`)
+    """
+    if inner.markers is None:
+        return graph.heads
+    heads, (own, _) = graph.heads.copy(), space.order
+    heads[own] = np.where(inner.markers == NO_MARKER, heads[own], inner.markers)
+    return heads
+
+
+def arcs_between(graph: Graph, named: NDArray[np.int32], tails: IntArray, heads: IntArray) -> IntArray:
+    """Return the arcs (N,) from nodes to the nodes that follow them in a path; -1 where there is none.
+
+    named  (m,)  node that follows the tail of each arc (:func:`named_heads`)
+    """
+    between = np.full(tails.size, -1)
+    here = np.flatnonzero((tails >= 0) & (heads >= 0))
+    begins, ends = graph.indptr[tails[here]], graph.indptr[tails[here] + 1]
+    for offset in range(int((ends - begins).max(initial=0))):
+        arcs = np.minimum(begins + offset, ends - 1)
+        hits = (begins + offset < ends) & (named[arcs] == heads[here])
+        between[here[hits]] = arcs[hits]
+    return between

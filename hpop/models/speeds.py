@@ -35,7 +35,7 @@ from hpop.base.options import LEAST, MOST, real
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.laws import InPlaceGeometry, Move, StraightGeometry, linear
-from hpop.motions import HOLD, Law, Phase, States, laws_of
+from hpop.motions import HOLD, Law, Model, Phase, States, laws_of
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CHANGE, CLOCK, SPEED
 from hpop.trajectories.trajectory import STRAIGHT, Trajectory
@@ -354,3 +354,9 @@ def neighbouring(count: int, turns: int = 0) -> IntArray:
     pairs = [pair for i in range(1, count + turns + 1) for pair in ((0, i), (i, 0))]
     pairs += [pair for i, j in pairwise(every) for pair in ((i, j), (j, i))]
     return np.array(pairs, np.int64)
+
+
+def turns_text(model: Model) -> str:
+    """Return the kinds of turns among which a plan chooses, for certificates; "" for one turn rate."""
+    turns = dict.fromkeys(kind for pace in model.paces for kind in pace.values())
+    return f", each turn at one of {len(model.paces)} rates ({', '.join(turns)})" if turns else ""

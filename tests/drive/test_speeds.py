@@ -33,7 +33,7 @@ from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered
 from tests.planners.speeds.test_enumerated import ACROSS, CRITERIA, HEADINGS, RADIUS, SIZE, Oracle, executed_as_planned
 from tests.planners.timed.test_enumerated import driven, is_safe, person
-from tests.planners.timed.test_run_speeds import SpeedCase
+from tests.planners.timed.test_run_speeds import RateCase, SpeedCase
 
 PLANNER = Lattice(step=1.0, headings=HEADINGS)
 EXTENT = shapely.box(-0.5, -0.5, SIZE[0] - 0.5, SIZE[1] - 0.5)
@@ -157,7 +157,10 @@ def among_people(seed: int) -> Iterator[tuple[SpeedCase, hpop.drive.Options]]:
         person(*rng.uniform((0.3, 0.3), (1.3, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(2, 6), name=name)
         for name in ("Ann", "Bob")[: 1 + seed % 2]
     )
-    case = SpeedCase(people, hold=(None, 1.0)[seed % 3 > 0], goal=(3, int(rng.integers(2))), ticks=32)
+    hold, goal = (None, 1.0)[seed % 3 > 0], (3, int(rng.integers(2)))
+    case = SpeedCase(people, hold=hold, goal=goal, ticks=32)
+    if seed >= 60:
+        case = RateCase(people, hold=hold, goal=goal, ticks=30)
     tick = case.robot.tick
     problem, front = case.front()
     planner = Lattice(step=case.robot.step, headings=4, clock=tick, hold=case.hold, arrive_by=case.ticks * tick)
@@ -179,7 +182,7 @@ def among_people(seed: int) -> Iterator[tuple[SpeedCase, hpop.drive.Options]]:
                 case,
                 people=tuple(one.later(commit.time) for one in people),
                 start=cell,
-                begins=[0.0, *case.robot.model.speeds].index(speed),
+                begins=case.numbers[case.robot.model.speed_classes.index(speed)] if speed else 0,
                 ticks=case.ticks - ticks,
             ),
             options,
@@ -188,7 +191,7 @@ def among_people(seed: int) -> Iterator[tuple[SpeedCase, hpop.drive.Options]]:
         now = commit.time + 0.01
 
 
-@pytest.mark.seeds(1, of=60)
+@pytest.mark.seeds(1, of=100)
 def test_options_among_people_are_those_of_all_plans_of_a_grid_from_there(seed: int) -> None:
     for case, options in among_people(seed):
         priced = sorted(case.plans(), key=lambda plan: plan[0])

@@ -8,7 +8,7 @@ or to the start.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -165,6 +165,11 @@ class JoinedEnds(WrappedGraph):
     def in_layer(self, states: IntArray, speeds: FloatArray) -> IntArray:
         """Return, for nodes (N,) and speeds (N,), m/s, the nodes of their states at these speeds; ends stay."""
         return np.where(states < self.inner.size, self.inner.in_layer(states, speeds), states)
+
+    @property
+    def slower_turns(self) -> tuple[Mapping[str, str], ...]:
+        """The slower turn rates among which paths of the inner graph choose."""
+        return self.inner.slower_turns
 
     def node(self, what: str) -> int:
         """Return the node number of an end by its name in ``ends``."""

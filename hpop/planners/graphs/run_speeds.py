@@ -9,26 +9,30 @@ such execution: it is planned for longer than it takes.
 State v of the inner graph is node v, at rest. For each of the model's k speeds there are two more layers of nodes: one
 in which a run begins, and one in which it goes on. So a run has at least one move, and the robot waits at rest only.
 From rest, a change of speed leads to the first of these layers, each move to the second, and a change back to rest.
-Of several turn rates, only the largest is used.
+
+Of several turn rates, each has its own arc for every turn, with its own duration: these arcs are parallel. A path is a
+list of nodes, so it names a turn at a slower rate by a further node between its ends, the marker: the state in which
+the turn ends, in a layer of this rate. No arc leads to a marker.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.base.options import LEAST
-from hpop.models.speeds import checked_speeds
+from hpop.models.speeds import checked_speeds, turns_text
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import at_speed
-from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
 from hpop.planners.graphs.trajectory_graph import Stretches
 
 if TYPE_CHECKING:
@@ -65,7 +69,8 @@ def run_speed_graph(states: StateGraph) -> StateGraph:
 class RunSpeedGraph(StateGraph):
     """States of an inner graph at rest, and in two layers for each speed; see the text of this module.
 
-    inner    graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k others
+    inner    graph of n states; node l n + v is state v in layer l: 0 at rest, then k in which runs begin, then k
+             others, then one of markers for each slower turn rate
     speeds   (k,)  m/s, rising
     arrives  m/s, speed at which the robot comes to an added start, which is no state of the graph; there it stops
     """
@@ -77,15 +82,43 @@ class RunSpeedGraph(StateGraph):
     @property
     def size(self) -> int:
         """Number of nodes."""
-        return self.inner.size * (1 + 2 * len(self.speeds))
+        return self.inner.size * (1 + 2 * len(self.speeds) + len(self.slower_turns))
+
+    @property
+    def slower_turns(self) -> tuple[Mapping[str, str], ...]:
+        """For each slower turn rate, from slow: the kinds of motion that it replaces, such as {"turn": "turn_0.5"}."""
+        return tuple(self.model.paces[:-1])
+
+    @cached_property
+    def _slower(self) -> dict[str, tuple[int, int]]:
+        """For each slower kind of turn: the layer of its markers, and the index of the inner kind that it replaces."""
+        known = self.inner.kinds
+        return {
+            slow: (layer, known.index(kind))
+            for layer, pace in enumerate(self.slower_turns, 1 + 2 * len(self.speeds))
+            for kind, slow in pace.items()
+            if kind in known and slow not in known
+        }
+
+    def is_marker(self, nodes: IntArray) -> BoolArray:
+        """Return a mask (N,): True for nodes that only say at which slower rate a path turns."""
+        return np.asarray((nodes >= self.inner.size * (1 + 2 * len(self.speeds))) & (nodes < self.size))
+
+    @cached_property
+    def markers(self) -> IntArray | None:
+        """Marker (m,) of each arc, NO_MARKER for arcs without one; None if there is only one turn rate."""
+        if not self._slower:
+            return None
+        layers = [NO_MARKER] * (len(self.inner.kinds) + 1) + [layer for layer, _ in self._slower.values()]
+        layer = np.array(layers)[self.arcs.kinds]
+        return np.where(layer == NO_MARKER, NO_MARKER, layer * self.inner.size + self.arcs.heads)
 
     @property
     def words(self) -> str:
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
         speeds = f"{', '.join(some)} or {last}" if some else last
-        turns = ", turns at the largest of their rates" if self.model.paces else ""
-        return f"{self.inner.words}, each straight run at {speeds} m/s{turns}"
+        return f"{self.inner.words}, each straight run at {speeds} m/s{turns_text(self.model)}"
 
     @property
     def options(self) -> dict[str, Any]:
@@ -99,15 +132,15 @@ class RunSpeedGraph(StateGraph):
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Kinds of motions of the inner graph, then changes of speed."""
-        return (*self.inner.kinds, CHANGE)
+        """Kinds of motions of the inner graph, then changes of speed, then slower turns."""
+        return (*self.inner.kinds, CHANGE, *self._slower)
 
     def states(self, ids: IntArray) -> States:
         """Return the states (N,) at some nodes, without speeds."""
         return self.inner.states(ids % self.inner.size)
 
     def _speed_of(self, ids: IntArray) -> FloatArray:
-        return np.array([0.0, *self.speeds, *self.speeds])[ids // self.inner.size]
+        return np.array([0.0, *self.speeds, *self.speeds, *[0.0] * len(self.slower_turns)])[ids // self.inner.size]
 
     def at_rest(self, ids: IntArray) -> BoolArray:
         """Return which nodes (N,), also those of ends joined to the graph, are at rest."""
@@ -117,11 +150,15 @@ class RunSpeedGraph(StateGraph):
         """Return the nodes (N,) of a path, given by nodes (N,), whose layers are ignored, and speeds (N,), m/s.
 
         A node with a speed is in the layer in which runs begin if the node before it has the same state at rest;
-        otherwise it is in the layer in which runs go on.
+        otherwise it is in the layer in which runs go on. A speed of -i means class i of the slower turns, from 1: the
+        second of two such nodes is a marker, the first is at rest.
         """
         states, layers = states % self.inner.size, np.abs(speeds[:, None] - [0.0, *self.speeds]).argmin(axis=1)
         begins = np.append(False, (states[1:] == states[:-1]) & (layers[:-1] == 0))
-        return np.asarray(states + self.inner.size * (layers + len(self.speeds) * ((layers > 0) & ~begins)))
+        layers += len(self.speeds) * ((layers > 0) & ~begins)
+        turned = np.append(False, (states[1:] != states[:-1]) & (speeds[1:] < 0) & (speeds[1:] == speeds[:-1]))
+        layers[turned] = 2 * len(self.speeds) - speeds[turned]
+        return np.asarray(states + self.inner.size * layers)
 
     def arriving_at(self, speed: float) -> RunSpeedGraph:
         """Return this graph for an added start, which is none of its states, where the robot comes at ``speed``, m/s.
@@ -162,7 +199,7 @@ class RunSpeedGraph(StateGraph):
             rest = np.tile(np.arange(n), k)
             ends = (np.arange(n) + begins).ravel(), (np.arange(n) + goes_on).ravel()
             return np.concatenate([rest, ends[1]]), np.concatenate([ends[0], rest])
-        number = self.inner.kinds.index(kind)
+        number = self._slower[kind][1] if kind in self._slower else self.inner.kinds.index(kind)
         tails, heads = self.inner.arcs.of(number)
         if number != MOVE:
             return tails, heads
@@ -182,6 +219,9 @@ class RunSpeedGraph(StateGraph):
             states, law = self.states(tails), self.model.laws[CHANGE]
             start, end = (at_speed(states, self._speed_of(ids)) for ids in (tails, heads))
             return Motions(self.world, self.model, law, start, end)
+        if kind in self._slower:
+            motions = self.inner.motions(self.inner.kinds[self._slower[kind][1]], tails, heads)
+            return replace(motions, law=self.model.laws[kind])
         motions = self.inner.motions(kind, tails % n, heads % n)
         if SPEED not in laws_of(self.model)[kind].extra:
             return motions
@@ -215,13 +255,26 @@ class RunSpeedGraph(StateGraph):
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Return the states, with speeds, and the motions of n trajectories, not yet checked for impossible motions.
 
-        ids    (N,)  nodes of all paths, one path after another
+        ids    (N,)  nodes of all paths, one path after another; a marker says how the path turns to the node after it
         sizes  (n,)  number of nodes of each path
         """
+        ids, sizes, layers = self._unmarked(ids, sizes)
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
+        for number, (layer, replaced) in enumerate(self._slower.values(), len(self.inner.kinds) + 1):
+            kinds[(layers == layer) & (kinds == replaced)] = number
         laws: Sequence[Any] = [laws_of(self.model)[kind] for kind in self.kinds]
         return Stretches.through(self.model.space, laws, at_speed(self.states(ids), self._speed_of(ids)), kinds, sizes)
+
+    def _unmarked(self, ids: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the nodes (N,) of n paths without markers, the sizes (n,) of the paths, and a layer (N,) by node.
+
+        The layer is that of the marker before the node, NO_MARKER for none.
+        """
+        marks, layers = self.is_marker(ids), np.full(ids.size, NO_MARKER)
+        layers[1:] = np.where(marks, ids // self.inner.size, NO_MARKER)[:-1]
+        path = np.repeat(np.arange(sizes.size), sizes)
+        return ids[~marks], sizes - np.bincount(path[marks], minlength=sizes.size), layers[~marks]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason why no path leads from start to goals, as text: that of the inner graph."""

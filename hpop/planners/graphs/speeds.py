@@ -29,7 +29,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.base.options import LEAST
 from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, QueryError
-from hpop.models.speeds import checked_speeds, neighbouring
+from hpop.models.speeds import checked_speeds, neighbouring, turns_text
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import blocks
@@ -161,8 +161,7 @@ class SpeedGraph(WrappedGraph):
         """Description of the inner graph and the speeds, for certificates."""
         *some, last = (f"{speed:g}" for speed in self.speeds)
         words = f"{self.inner.words}, at speeds of {', '.join(some)} and {last} m/s" if some else self.inner.words
-        turns = dict.fromkeys(kind for pace in self.model.paces for kind in pace.values())
-        return f"{words}, each turn at one of {len(self.model.paces)} rates ({', '.join(turns)})" if turns else words
+        return words + turns_text(self.model)
 
     @property
     def kinds(self) -> tuple[str, ...]:

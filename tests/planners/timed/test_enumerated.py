@@ -114,7 +114,7 @@ def driven(case: Case, motions: Sequence[Motion]) -> Drive:
         seconds = case.lasts(kind, amount) * robot.tick
         share = np.arange(round(seconds / DT)) * DT / seconds
         dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading] if kind == "move" else (0, 0)
-        turned = amount if kind == "turn" else 0
+        turned = amount if "turn" in kind else 0
         yaw = (heading + turned * share) * math.pi / 2
         columns.append((robot.step * (column + dx * share), robot.step * (row + dy * share), yaw, [kind] * share.size))
         column, row, heading = column + dx, row + dy, (heading + turned) % 4

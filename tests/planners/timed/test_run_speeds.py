@@ -5,15 +5,20 @@ Plans, times, and distances in time are those of :mod:`.test_enumerated`, which 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
 import hpop
+from hpop.base.arrays import Column
+from hpop.criteria.base import criterion
+from hpop.motions import Motions
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.world import Person
@@ -32,6 +37,8 @@ class SpeedCase(Case):
 
     robot: GridRobot = ROBOT
     begins: int = 0
+    numbers: tuple[int, ...] = (1, 2)
+    rates: tuple[str, ...] = ("turn",)
 
     @property
     def stray(self) -> float:
@@ -44,7 +51,7 @@ class SpeedCase(Case):
     def costs(self, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
         """Return duration, s, felt acceleration, m/s, and turns; a run from rest to rest feels twice its speed."""
         felt = sum(SPEEDS[ticks - 1] for kind, ticks in motions if kind == "change")
-        return ticks * self.robot.tick, felt, float([kind for kind, _ in motions].count("turn"))
+        return ticks * self.robot.tick, felt, float(sum("turn" in kind for kind, _ in motions))
 
     def lasts(self, kind: str, amount: int) -> int:
         """Return the ticks of a motion: 4 or 2 for a move at 0.5 or 1 m/s, 1 or 2 for a change from or to rest."""
@@ -59,18 +66,18 @@ class SpeedCase(Case):
                 return
             column, row, heading = state
             dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
-            for number in (1, 2):
+            for number in self.numbers:
                 for count in range(1, max(self.size)):
                     after = tick + 2 * number + count * self.lasts("move", number)
                     to = (column + count * dx, row + count * dy)
                     if after <= self.ticks and 0 <= to[0] < self.size[0] and 0 <= to[1] < self.size[1]:
                         run = [("change", number), *[("move", number)] * count, ("change", number)]
                         yield from onward((*to, heading), after, [*motions, *run], held=False)
-            for quarters in (1, -1, 2):
-                lasts = self.lasts("turn", quarters)
+            for turn, quarters in itertools.product(self.rates, (1, -1, 2)):
+                lasts = self.lasts(turn, quarters)
                 if tick + lasts <= self.ticks:
                     turned = (column, row, (heading + quarters) % 4)
-                    yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], held=False)
+                    yield from onward(turned, tick + lasts, [*motions, (turn, quarters)], held=False)
             if hold is not None and not held:
                 for lasts in range(hold, self.ticks - tick):
                     yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], held=True)
@@ -187,7 +194,7 @@ class SpeedTour(SpeedCase):
             if dwell and not seen and state[:2] == self.stop and tick + dwell <= self.ticks:
                 yield from onward(state, tick + dwell, [*motions, ("hold", dwell)], seen=True, held=False)
             dx, dy = ((1, 0), (0, 1), (-1, 0), (0, -1))[heading]
-            for number in (1, 2):
+            for number in self.numbers:
                 for count in range(1, max(self.size)):
                     after = tick + 2 * number + count * self.lasts("move", number)
                     to = (column + count * dx, row + count * dy)
@@ -196,11 +203,11 @@ class SpeedTour(SpeedCase):
                         passed = {(column + i * dx, row + i * dy) for i in range(1, count + 1)}
                         sees = seen or (not dwell and self.stop in passed)
                         yield from onward((*to, heading), after, [*motions, *run], seen=sees, held=False)
-            for quarters in (1, -1, 2):
-                lasts = self.lasts("turn", quarters)
+            for turn, quarters in itertools.product(self.rates, (1, -1, 2)):
+                lasts = self.lasts(turn, quarters)
                 if tick + lasts <= self.ticks:
                     turned = (column, row, (heading + quarters) % 4)
-                    yield from onward(turned, tick + lasts, [*motions, ("turn", quarters)], seen=seen, held=False)
+                    yield from onward(turned, tick + lasts, [*motions, (turn, quarters)], seen=seen, held=False)
             if hold is not None and not held:
                 for lasts in range(hold, self.ticks - tick):
                     yield from onward(state, tick + lasts, [*motions, ("hold", lasts)], seen=seen, held=True)
@@ -209,12 +216,84 @@ class SpeedTour(SpeedCase):
             yield self.costs(motions, ticks), motions
 
 
-@pytest.mark.seeds(1, of=30)
+SLOW, FAST = math.pi / 1.6, math.pi / 0.8
+TURNING = hpop.DifferentialDrive(
+    radius=0.1, acceleration=ACCELERATION, turn_rates=(SLOW, FAST), turn_acceleration=math.pi / 0.32
+)
+
+
+@criterion("test_effort", group="C", unit="1", aggregate="sum")
+@dataclass(frozen=True)
+class Effort:
+    """Own criterion: 1 for each quarter of a slow turn, 2 for one of a fast turn."""
+
+    def cost(self, m: Motions) -> Column:
+        if "yaw" not in m.law.varies:
+            return 0.0 * m.duration
+        return np.abs(m.end.yaw - m.start.yaw) / (math.pi / 2) * (2.0 if m.kind == "turn" else 1.0)
+
+
+@criterion("test_fastest", group="C", unit="rad/s", aggregate="max")
+@dataclass(frozen=True)
+class Fastest:
+    """Own criterion: the fastest turn, 1 for a slow one and 2 for a fast one."""
+
+    def cost(self, m: Motions) -> Column:
+        return 0.0 * m.duration + (0.0 if "yaw" not in m.law.varies else 2.0 if m.kind == "turn" else 1.0)
+
+
+@dataclass(frozen=True)
+class RateCase(SpeedCase):
+    """A query of a robot with one speed and two turn rates; the largest has kind "turn", the other "slow turn"."""
+
+    robot: GridRobot = GridRobot(TURNING, 0.4, 0.2, 2, 4, 6, 0)
+    numbers: tuple[int, ...] = (2,)
+    rates: tuple[str, ...] = ("turn", "slow turn")
+    worst: bool = False
+
+    @property
+    def criteria(self) -> list[Any]:
+        return ["duration", Fastest() if self.worst else Effort(), "turns"]
+
+    def costs(self, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
+        """Return duration, s, what turns cost, and turns."""
+        each = [(2.0 if kind == "turn" else 1.0, abs(quarters)) for kind, quarters in motions if "turn" in kind]
+        paid = max([0.0, *(one for one, _ in each)]) if self.worst else sum(one * quarters for one, quarters in each)
+        return ticks * self.robot.tick, paid, float(len(each))
+
+    def lasts(self, kind: str, amount: int) -> int:
+        """Return the ticks of a motion: 5 or 9 for a slow turn by a quarter or a half."""
+        return {1: 5, -1: 5, 2: 9}[amount] if kind == "slow turn" else super().lasts(kind, amount)
+
+
+@dataclass(frozen=True)
+class RateTour(RateCase, SpeedTour):
+    """A query of a robot with one speed and two turn rates, with one stop."""
+
+    size: tuple[int, int] = (3, 2)
+    goal: tuple[int, int] = (2, 0)
+
+
+@pytest.mark.seeds(2, of=50)
+def test_each_turn_has_one_of_several_rates(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    people = tuple(
+        person(*rng.uniform((0.3, 0.3), (1.3, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(1, 4), name=name)
+        for name in ("Ann", "Bob")[: 1 + seed % 2]
+    )
+    start, goal = (0, int(rng.integers(2)), int(rng.integers(4))), (int(rng.integers(1, 4)), int(rng.integers(2)))
+    case = RateCase(people, hold=(None, 1.0)[seed % 3 > 0], start=start, goal=goal, worst=bool(seed % 2))
+    front = check(replace(case, ticks=28))
+    assert "each turn at one of 2 rates (turn_1.9635, turn)" in front.certificate
+
+
+@pytest.mark.seeds(1, of=70)
 def test_tours_are_those_of_all_runs_that_visit_the_stop(seed: int) -> None:
     rng = np.random.default_rng(seed)
     people = (person(*rng.uniform((0.3, 0.3), (1.1, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(1, 4)),)
     stop = ((1, 0), (1, 1), (0, 1))[seed % 3]
-    case = SpeedTour(people, hold=(None, 1.0)[seed % 2], stop=stop, dwell=(0.4, 0.0)[seed // 2 % 2], ticks=24)
+    tour = SpeedTour if seed < 30 else RateTour
+    case = tour(people, hold=(None, 1.0)[seed % 2], stop=stop, dwell=(0.4, 0.0)[seed // 2 % 2], ticks=24)
     front = check(case)
     for trajectory in front.trajectories:
         run, at = trajectory.execution(), [ROBOT.step * i for i in stop]

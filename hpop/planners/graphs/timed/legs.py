@@ -21,7 +21,7 @@ from hpop.motions import HOLD, Motions, States, laws_of
 from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
-from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
 from hpop.planners.graphs.timed.clock import TickClock
 from hpop.search import Graph
 from hpop.world import World
@@ -173,6 +173,28 @@ class TimedArcs:
         for column in (heads, costs):
             column.setflags(write=False)
         return Graph.from_csr(indptr, heads, costs, aggregates=graph.aggregates)
+
+    @cached_property
+    def _markers(self) -> IntArray | None:
+        if self.inner.markers is None:
+            return None
+        markers = np.full(self.tails.size, NO_MARKER)
+        markers[self.own] = self.inner.markers
+        markers[markers.size - self.copied.size :] = markers[self.copied]
+        return markers
+
+    def through(self, nodes: IntArray, arcs: IntArray, offsets: IntArray | int = 0) -> IntArray:
+        """Return the nodes of the graph through which a path leads, with markers of its arcs.
+
+        nodes    (s + 1,)  states of its nodes, without holds
+        arcs     (s,)      its arcs; below 0 for what is no arc of this graph
+        offsets  (s,)      added to markers: the first node of a layer in which the arc begins
+        """
+        if self._markers is None:
+            return nodes
+        markers = np.where(arcs >= 0, self._markers[arcs], NO_MARKER)
+        marked = np.flatnonzero(markers != NO_MARKER)
+        return np.insert(nodes, marked + 1, (markers + offsets)[marked])
 
     @cached_property
     def moving(self) -> IntArray:

@@ -196,12 +196,18 @@ class TimedPlans:
 
     def trajectories(self, rows: IntArray) -> tuple[Trajectory, ...]:
         """Return the trajectories of the plans with the given indices, including their holds."""
-        space, states_of = self.timed.arcs.space, self.timed.arcs.states_of
+        arcs = self.timed.arcs
         if self.tour is not None:
             plain = self.tour.moved([self.visits[i] for i in rows.tolist()])
         else:
-            moved = [states_of[self.steps[i].nodes[np.append(True, self.steps[i].arcs != HELD)]] for i in rows.tolist()]
-            plain = space.trajectories(moved)
+            paths = [self.steps[i] for i in rows.tolist()]
+            moved = [path.arcs != HELD for path in paths]
+            plain = arcs.space.trajectories(
+                [
+                    arcs.through(arcs.states_of[path.nodes[np.append(True, own)]], path.arcs[own])
+                    for path, own in zip(paths, moved, strict=True)
+                ]
+            )
         return tuple(
             self._held(self.steps[i], self.driven[i], trajectory)
             for i, trajectory in zip(rows.tolist(), plain, strict=True)

@@ -82,8 +82,9 @@ class TimedTour:
         origins[stops != NONE] = HOLD
         least = np.where(stops != NONE, self.needed[stops], 0.0)
         layers, nodes = np.divmod(path.nodes, count)
-        walk = layers * self.tour.inner.size + self.timed.arcs.states_of[nodes]
-        return TourSteps(PathSteps(nodes, origins, path.departures), least, walk[np.append(True, moved)])
+        arcs, begins, own = self.timed.arcs, layers * self.tour.inner.size, np.append(True, moved)
+        walk = arcs.through((begins + arcs.states_of[nodes])[own], origins[moved], begins[:-1][moved])
+        return TourSteps(PathSteps(nodes, origins, path.departures), least, walk)
 
     def moved(self, paths: Sequence[TourSteps]) -> tuple[Trajectory, ...]:
         """Return the trajectories of some paths, without any holds."""
