@@ -156,8 +156,8 @@ def class_execution(planned: Trajectory, executed: Mapping[str, str]) -> tuple[T
 
     executed  law of execution by planned law, "run" for moves; motions of other laws are executed as planned
 
-    In the execution of a plan that must keep its times (``punctual``), each straight run lies in the middle of its
-    planned time.
+    In the execution of a plan that must keep its times (``punctual``), each straight run from rest to rest lies in the
+    middle of its planned time.
     """
     laws, kinds = laws_of(planned.model), planned.kinds
     if not {*executed, CHANGE} & {*kinds}:  # it is executed as planned
@@ -246,7 +246,7 @@ def _run_end(planned: Trajectory, laws: Mapping[str, Law], begin: int) -> int:
     """Return the index after the last motion of the straight run that begins with motion ``begin``.
 
     A run consists of moves in one direction and changes of speed. It ends before any other motion; if ``begin`` is such
-    a motion, the index is ``begin`` itself.
+    a motion, the index is ``begin`` itself. If the plan must keep its times, a run also ends where the plan is at rest.
     """
     x, y, along, i = planned.states.x, planned.states.y, None, begin
     while i < len(planned) and SPEED in laws[planned.kinds[i]].extra:
@@ -256,6 +256,8 @@ def _run_end(planned: Trajectory, laws: Mapping[str, Law], begin: int) -> int:
                 return i
             along = ahead if along is None else along
         i += 1
+        if planned.punctual and getattr(planned.states, SPEED)[i] == 0.0:
+            break
     return i
 
 
