@@ -55,7 +55,10 @@ def score(folder: Path) -> None:
     help="Score to test, such as comfort.comfort. [ssq.total]",
 )
 @click.option(
-    "--method", default="default", metavar="NAME", help="default, or paper: the tests of the paper. [default]"
+    "--method",
+    default="default",
+    metavar="NAME",
+    help="default; paper: the tests of the paper; or mixed: an ordinal mixed model, with carry-over. [default]",
 )
 @click.option("--correction", metavar="NAME", help="For several comparisons: holm, bonferroni or none. [the method's]")
 @click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder of the report. [DIR/report]")

@@ -60,9 +60,23 @@ PAPER = {
     "Effect sizes": "epsilon squared H / (N - 1) and eta squared (H - k + 1) / (N - k); |z| / sqrt(people)",
     "Missing answers": "a score with a missing item is missing, not smaller; each test uses all available scores",
 }
+MIXED = {
+    "Test of all stimuli": "ordinal mixed model (cumulative logits): stimuli and places as effects, a normal intercept "
+    "for each person; maximum likelihood by adaptive Gauss-Hermite quadrature, 15 nodes; likelihood-ratio test without "
+    "the stimuli",
+    "Tests of pairs": "Wald tests of the effects of this model, two-sided; no test against the answers before",
+    "Effect sizes": "ratios of odds of a higher score, the second stimulus against the first, with Wald's intervals of "
+    "95 %",
+    "Missing answers": "a score with a missing item is missing, not smaller; all other scores are used",
+}
+MIXED_CARRY_OVER = (
+    "likelihood-ratio tests without the places, and without the effects of the stimulus before (first-order "
+    "carry-over), which have the mean 0 over all stimuli; at the first place there is none"
+)
 CARRY_OVER = (
     "the test is repeated by place in the session instead of by stimulus, and for the stimuli at the first place "
-    "alone, before which nothing was seen. If the place matters, look at the first place too"
+    "alone, before which nothing was seen. If the place matters, look at the first place too. "
+    'The method "mixed" tests the effect of the stimulus before'
 )
 CHOICES = (
     "shares with their intervals of 95 % and p by the exact binomial test (Clopper and Pearson), without the answers "
@@ -85,21 +99,22 @@ def decisions(
     """Return every decision of the analysis as text, by topic; ``notes`` say which tables were impossible, and why."""
     complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
     left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
-    made = dict(DEFAULT if method == "default" else PAPER)
+    made = dict({"default": DEFAULT, "paper": PAPER, "mixed": MIXED}[method])
     if method == "default" and len(matrix.conditions) < LEAST_STIMULI:
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
         "Questionnaire": _form_source(design.form(form)),
         "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals are "
-        "not corrected: an interval corresponds to p, and may exclude 0 although the adjusted p is above .05",
-        "Ties": "mean ranks, and variances corrected for them",
+        "not corrected: an interval corresponds to p, and may exclude 0, or a ratio of 1, although the adjusted p is "
+        "above .05",
+        "Ties": "equal scores are one level" if method == "mixed" else "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
         "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
         "Drop-outs": "; ".join(left) or "none",
         "Faults of sessions": "; ".join(answers.faults) or "none",
         "Orders": "; ".join(design.uneven) or _orders(design),
         "Durations": _durations(design),
-        "Carry-over": CARRY_OVER,
+        "Carry-over": MIXED_CARRY_OVER if method == "mixed" else CARRY_OVER,
         **answers.noted,
         "Dashes in tables": "no such number exists: the still view has no costs, and a test of several rows together "
         "has no values in the other rows",
@@ -130,7 +145,7 @@ def _durations(design: Design) -> str:
     return f"stimuli last {min(lasts):.1f} to {max(lasts):.1f} s"
 
 
-METHODS: tuple[Method, ...] = ("default", "paper")
+METHODS: tuple[Method, ...] = ("default", "paper", "mixed")
 
 
 @checked_arguments
@@ -138,12 +153,12 @@ METHODS: tuple[Method, ...] = ("default", "paper")
 class Analysis:
     """Tables of a study's analysis, made by :func:`analyse`.
 
-    method      "default" or "paper"
+    method      "default", "paper" or "mixed"
     form        id of the questionnaire of the analysed score
     score       name of the analysed score
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
     tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
-                "carry-over", "balance", "choices", "favourites", "strengths", if the answers suffice
+                "carry-over", "stimulus before", "balance", "choices", "favourites", "strengths", if the answers suffice
     choices     every decision of the analysis by topic: the test, ties, people left out
     """
 
@@ -209,7 +224,8 @@ def analyse(
 
     method      "default": Friedman's test and Kendall's W, then Wilcoxon's of each pair (Pratt's zeros, exact);
                 "paper": Kruskal and Wallis' test and Dunn's comparisons; and, against the answers before the first
-                stimulus, Wilcoxon's test by its normal approximation, zeros left out
+                stimulus, Wilcoxon's test by its normal approximation, zeros left out;
+                "mixed": an ordinal mixed model of stimuli, places and the stimulus before (carry-over)
     score       form and name of a score, or of an item
     correction  of the comparisons of one table: "holm", "bonferroni" or "none"; by default "holm", or with the method
                 "paper" "bonferroni"

@@ -250,7 +250,7 @@ class ReportFile(StrictObject):
     schema_: Annotated[Literal["hpop-study-report"], Field(alias="schema")]
     version: Literal[1]
     score: Annotated[list[str], Field(min_length=2, max_length=2)]
-    method: Literal["default", "paper"]
+    method: Literal["default", "paper", "mixed"]
     correction: Literal["holm", "bonferroni", "none"]
     mark: Annotated[str, StringConstraints(max_length=200)]
     files: Annotated[list[Annotated[str, StringConstraints(pattern=REPORT_NAME)]], Field(max_length=100)]

@@ -47,6 +47,7 @@ TITLES = {
     "against before": "Against the answers before (positive: the stimulus scores higher)",
     "places": "Scores by place",
     "carry-over": "Order and carry-over",
+    "stimulus before": "Scores by the stimulus before (above 1: higher after this one than after the mean one)",
     "balance": "Complete scores by stimulus and place",
     "choices": "Choices of pairs",
     "favourites": "Favourites: chosen over each other stimulus",
@@ -183,7 +184,7 @@ def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
 def _heading(analysis: Analysis) -> str:
     """Return the heading of the report: questionnaire, score and method."""
     form = analysis.design.form(analysis.form)
-    method = "" if analysis.method == "default" else ", by the method of the paper"
+    method = {"default": "", "paper": ", by the method of the paper", "mixed": ", by a mixed model"}[analysis.method]
     return f"{form.title.get('en', form.id)}: {analysis.score}{method}"
 
 
@@ -196,11 +197,11 @@ def _summary(analysis: Analysis) -> str:
         p = cell_text("p", row["p"])
         found = "differ" if float(row["p"]) < 0.05 else "are not found to differ"
         effect = next(
-            (f"{key} = {value:.3f}" for key, value in row.items() if key in ("Kendall's W", "epsilon squared")), ""
+            (f", {key} = {value:.3f}" for key, value in row.items() if key in ("Kendall's W", "epsilon squared")), ""
         )
         return (
             f"{people}. The stimuli {found}: {row['test']} chi-square({row['df']}) = {row['chi-square']:.3f}, "
-            f"p {'' if p.startswith('<') else '= '}{p}, {effect}.{also}"
+            f"p {'' if p.startswith('<') else '= '}{p}{effect}.{also}"
         )
     return f"{people}.{also}"
 

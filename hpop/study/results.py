@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
+from functools import cache
 from itertools import combinations
 from typing import Any, Literal
 
 import numpy as np
+from scipy.stats import norm
 
 from hpop.base.arrays import FloatArray
 from hpop.base.registry import criteria
@@ -20,7 +22,7 @@ from hpop.study.participants import places
 from hpop.study.session import PairChoice, questions_of
 from hpop.study.statistics.scores import LEAST_STIMULI, Correction
 
-Method = Literal["default", "paper"]
+Method = Literal["default", "paper", "mixed"]
 Cell = str | int | float
 Row = Mapping[str, Cell]
 Tables = dict[str, Sequence[Row]]
@@ -35,6 +37,10 @@ def score_tables(
     """Return all tables of one score by name, and notes on those for which there are too few answers."""
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _quartile_rows(labels, values, before)}
+    if method == "mixed":
+        wanted |= _mixed(labels, matrix, correction)
+        wanted["balance"] = lambda: _balance(labels, matrix, design)
+        return _made(wanted)
     if len(labels) >= LEAST_STIMULI or method == "paper":
         wanted["test"] = lambda: [_omnibus(values, method)]
     wanted["pairs"] = lambda: _pairs(labels, values, method, correction)
@@ -203,6 +209,57 @@ def _signed_rank_rows(
         }
         for (first, second), pair, corrected in zip(names, found, p, strict=True)
     ]
+
+
+def _mixed(labels: Sequence[str], matrix: Matrix, correction: Correction) -> dict[str, Callable[[], Sequence[Row]]]:
+    """Return the functions that compute the tables of an ordinal mixed model, by name."""
+    k, values, places = len(labels), matrix.values, matrix.places
+    people = {"people": int((~np.isnan(values)).any(axis=1).sum()), "scores": int((~np.isnan(values)).sum())}
+    plain = cache(lambda: statistics.crossover(values, places))
+    carried = cache(lambda: statistics.crossover(values, places, before=True))
+
+    def ratio(name: str, test: statistics.Ratio) -> Row:
+        return {"test": name, "chi-square": test.statistic, "df": test.freedom, "p": test.p}
+
+    def pairs() -> Sequence[Row]:
+        sides = list(combinations(range(k), 2))
+        weights = [np.eye(2 * k - 1)[j] - np.eye(2 * k - 1)[i] for i, j in sides]  # the first column: 0, the reference
+        found = [_odds(*plain().contrast(weight[1:])) for weight in weights]
+        p = statistics.adjusted([row["p"] for row in found], correction)
+        return [
+            {"first": labels[i], "second": labels[j], **row, "adjusted p": float(corrected)}
+            for (i, j), row, corrected in zip(sides, found, p, strict=True)
+        ]
+
+    def before() -> Sequence[Row]:
+        columns = np.vstack([np.eye(k - 1), -np.ones(k - 1)])  # effects of all stimuli add up to 0
+        weights = np.hstack([np.zeros((k, 2 * k - 2)), columns])
+        return [
+            {"stimulus before": name, **_odds(*carried().contrast(weight))}
+            for name, weight in zip(labels, weights, strict=True)
+        ]
+
+    return {
+        "test": lambda: [
+            {**ratio("Ordinal mixed model", plain().without["stimulus"]), "deviation of people": plain().fit.deviation}
+            | people
+        ],
+        "pairs": pairs,
+        "places": lambda: _by_place(matrix),
+        "carry-over": lambda: [
+            ratio("the place matters", plain().without["place"]),
+            ratio("the stimulus before matters", carried().without["before"]),
+            ratio("stimuli differ, given the stimulus before", carried().without["stimulus"]),
+        ],
+        "stimulus before": before,
+    }
+
+
+def _odds(effect: float, error: float) -> dict[str, float]:
+    """Return the columns of an effect on the logarithm of odds: the ratio of odds, interval, z and p (Wald)."""
+    low, high = np.exp(effect + norm.ppf(0.975) * np.array([-error, error])).tolist()
+    z = effect / error
+    return {"odds ratio": float(np.exp(effect)), "low": low, "high": high, "z": z, "p": float(2 * norm.sf(abs(z)))}
 
 
 def _by_place(matrix: Matrix) -> list[Row]:

@@ -94,6 +94,20 @@ def test_the_papers_method_has_the_papers_tests_and_their_identity(design, answe
     assert "costs power" in result.choices["Test of all stimuli"]
 
 
+def test_the_mixed_model_finds_the_stimuli_and_tells_of_the_stimulus_before(design):
+    felt = {"A": 0.0, "B": 0.6, "C": 1.2}
+    result = study.analyse(design, study.simulate(design, felt, correlation=0.3, seed=1), method="mixed")
+    (test,), pairs = result.tables["test"], result.tables["pairs"]
+    assert (test["df"], test["people"], test["scores"]) == (2, 12, 36)
+    assert test["p"] < 0.05
+    assert [row["odds ratio"] > 1 for row in pairs] == [True] * 3  # A feels best, C worst
+    assert pairs[1]["odds ratio"] == pytest.approx(pairs[0]["odds ratio"] * pairs[2]["odds ratio"])
+    assert [row["df"] for row in result.tables["carry-over"]] == [2, 2, 2]
+    after = [row["odds ratio"] for row in result.tables["stimulus before"]]
+    assert np.prod(after) == pytest.approx(1.0)
+    assert "Ordinal mixed model" in result.text()
+
+
 def test_choices_are_counted_and_strengths_go_with_them(result):
     rows = [row for row in result.tables["choices"] if row["question"] == "prefer"]
     assert [row["first chosen"] + row["second chosen"] + row["neither"] for row in rows] == [12, 12, 12]

@@ -2,12 +2,14 @@
 
 SciPy is used for Friedman, Kruskal and Wallis, the normal approximation of Wilcoxon, and binomial intervals. Methods
 missing in SciPy are implemented here, and all are tested against published values: exact Wilcoxon with ties and zeros,
-Hodges and Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, and power by simulation.
+Hodges and Lehmann's interval, Dunn's z, Holm, Bradley and Terry with ties, ordinal mixed models, and power by
+simulation.
 """
 
 from __future__ import annotations
 
 from hpop.study.statistics.choices import Multinomial, Share, Strengths, bradley_terry, multinomial, share
+from hpop.study.statistics.ordinal import Crossover, OrdinalFit, Ratio, crossover, ordinal_mixed
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.power import Power, power
 from hpop.study.statistics.scores import (
@@ -25,22 +27,27 @@ from hpop.study.statistics.scores import (
 
 __all__ = [
     "Comparison",
+    "Crossover",
     "Described",
     "Independent",
     "Multinomial",
+    "OrdinalFit",
     "Pair",
     "Power",
+    "Ratio",
     "Related",
     "Share",
     "Strengths",
     "adjusted",
     "bradley_terry",
     "cochran",
+    "crossover",
     "describe",
     "dunn",
     "friedman",
     "kruskal",
     "multinomial",
+    "ordinal_mixed",
     "power",
     "share",
     "wilcoxon",

@@ -20,11 +20,16 @@ from hpop.base.options import MOST_SEED, one_of, real, whole
 from hpop.base.text import counted, python_value, shown
 from hpop.errors import StudyError
 from hpop.study.statistics.choices import share
+from hpop.study.statistics.ordinal import likelihood_ratio, ordinal_mixed
 from hpop.study.statistics.pairs import exact_p, rank_sum_chances
 from hpop.study.statistics.scores import checked, complete_rows, friedman_statistics
 
-Test = Literal["friedman", "wilcoxon", "kruskal"]
-TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal")
+Test = Literal["friedman", "wilcoxon", "kruskal", "mixed"]
+TESTS: tuple[Test, ...] = ("friedman", "wilcoxon", "kruskal", "mixed")
+SIMULATIONS, MIXED_SIMULATIONS = 10_000, 500
+"""Default numbers of simulated studies; a mixed model takes some 20 ms each."""
+LEVELS = 7
+"""Number of equally frequent scores for the mixed model, if no pilot has scores."""
 MOST_PEOPLE = 2000
 MOST_SIMULATED = 200_000
 AT_ONCE = 2_000_000
@@ -91,7 +96,7 @@ def power(
     pilot: Any = None,
     target: float = 0.8,
     alpha: float = 0.05,
-    simulations: int = 10_000,
+    simulations: int | None = None,
     seed: int = 0,
 ) -> Power:
     """Compute the power of a study of n people, or the least n that reaches the power ``target``, by simulation.
@@ -102,12 +107,14 @@ def power(
     k            number of stimuli, if ``effect`` is a single number
     correlation  of two answers of one person: with .5 the effect of a pair is its difference in standard deviations of
                  differences, "dz"
-    test         "friedman" for three stimuli or more, "wilcoxon" for two, or "kruskal", as the paper did
+    test         "friedman" for three stimuli or more, "wilcoxon" for two; "kruskal", as the paper did; or "mixed", the
+                 likelihood-ratio test of an ordinal mixed model, for which ``n`` must be given; without ``like`` or
+                 ``pilot`` it has seven equally frequent scores
     like         scores of a pilot, of any shape, for the distribution of simulated scores without an effect
     pilot        scores (people, stimuli), instead of an effect: people are drawn from it, with replacement
     target       power to reach, if ``n`` is None
     alpha        significance level: a study finds a difference if p is below it
-    simulations  simulated studies for each n
+    simulations  simulated studies for each n; by default 10,000, or 500 for "mixed"
 
     Raises StudyError for "observed power": that of a pilot for its own n, or ``effect="observed"``.
 
@@ -117,13 +124,18 @@ def power(
     if isinstance(effect, str) and effect == "observed":
         raise StudyError(f"observed power is not given: {OBSERVED}")
     effect = python_value(effect)
-    simulations = whole("simulations", simulations, 100, MOST_SIMULATED, error=StudyError)
+    if test == "mixed" and n is None:
+        raise StudyError('test="mixed" needs n, since each study takes some 20 ms: give the number of people')
+    several = MIXED_SIMULATIONS if test == "mixed" else SIMULATIONS
+    simulations = whole(
+        "simulations", several if simulations is None else simulations, 100, MOST_SIMULATED, error=StudyError
+    )
     seed = whole("seed", seed, 0, MOST_SEED, error=StudyError)
-    draw, k = _from_pilot(pilot, n) if pilot is not None else _from_effect(effect, k, correlation, like)
+    draw, k = _from_pilot(pilot, n) if pilot is not None else _from_effect(effect, k, correlation, like, test)
     default = "wilcoxon" if k == 2 else "friedman"
     made = one_of("test", default if test is None else test, TESTS, error=StudyError)
-    if made != "kruskal" and made != default:
-        raise StudyError(f"test must be {default!r} or 'kruskal' for {k} stimuli, got {made!r}")
+    if made in ("friedman", "wilcoxon") and made != default:
+        raise StudyError(f"test must be {default!r}, 'kruskal' or 'mixed' for {k} stimuli, got {made!r}")
     alpha = real("alpha", alpha, 1e-6, 0.5, "a share", error=StudyError)
     target = real("target", target, 0.01, 0.999, "a share", error=StudyError)
 
@@ -137,10 +149,10 @@ def power(
     return _least(of, target)
 
 
-def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Draw, int]:
+def _from_effect(effect: Any, k: int, correlation: float, like: Any, test: str | None = None) -> tuple[Draw, int]:
     """Return a function that draws normal scores, shifted by the effect of each stimulus, and the number of stimuli.
 
-    With ``like``, a pilot's scores, each draw is mapped to one of these scores (:class:`_Pieces`).
+    With ``like``, a pilot's scores, and for the test "mixed", each draw is mapped to a score (:class:`_Pieces`).
     """
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
@@ -152,8 +164,8 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any) -> tuple[Dr
         shifts = np.linspace(0.0, real("effect", effect, -100, 100, "a shift", error=StudyError), k)
     if len(shifts) < 2:
         raise StudyError(f"effect must give the shifts of two stimuli or more, got {shown(effect)}")
+    pieces = _pieces(like, test)
     own = np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError))
-    pieces = _pieces(like)
 
     def draw(rng: np.random.Generator, studies: int, people: int) -> FloatArray:
         person = own * rng.standard_normal((studies, people, 1))
@@ -175,8 +187,13 @@ class _Pieces(NamedTuple):
     cuts: FloatArray
 
 
-def _pieces(like: Any) -> _Pieces | None:
-    """Return the scores of a pilot as a step function of a standard normal variable; None without a pilot."""
+def _pieces(like: Any, test: str | None) -> _Pieces | None:
+    """Return the scores of a pilot as a step function of a standard normal variable; None without a pilot.
+
+    The mixed model has equally frequent scores instead.
+    """
+    if like is None and test == "mixed":
+        return _Pieces(np.arange(float(LEVELS)), stats.norm.ppf(np.arange(1, LEVELS) / LEVELS))
     if like is None:
         return None
     scores = np.asarray(like, dtype=float).ravel()
@@ -222,6 +239,8 @@ def _p_values(values: FloatArray, test: Test) -> FloatArray:
         p = stats.chi2.sf(friedman_statistics(values), values.shape[2] - 1)
     elif test == "kruskal":
         p = stats.chi2.sf(_kruskal_statistics(values), values.shape[2] - 1)
+    elif test == "mixed":
+        p = [_mixed_p(study) for study in values]
     else:
         differences = np.round(values[:, :, 1] - values[:, :, 0], 9)
         ranks = np.asarray(stats.rankdata(np.abs(differences), axis=1)) * np.sign(differences)
@@ -230,6 +249,17 @@ def _p_values(values: FloatArray, test: Test) -> FloatArray:
         if values.shape[1] <= FEW:
             return _exact(ranks)
     return np.asarray(p)
+
+
+def _mixed_p(values: FloatArray) -> float:
+    """Return p of the mixed model's test of scores (n, k); 1 if the model cannot be fitted."""
+    n, k = values.shape
+    people, effects = np.repeat(np.arange(n), k), np.tile(np.eye(k)[:, 1:], (n, 1))
+    try:
+        full = ordinal_mixed(values.ravel(), people, effects, [f"stimulus {i}" for i in range(1, k)])
+        return likelihood_ratio(full, ordinal_mixed(values.ravel(), people, effects[:, :0], ())).p
+    except StudyError:
+        return 1.0
 
 
 def _exact(ranks: FloatArray) -> FloatArray:

@@ -117,7 +117,11 @@ def test_people_of_a_pilot_are_drawn():
         ),
         ({"pilot": np.eye(12, 3), "n": 12}, "n must differ from the pilot's number of people, 12"),
         ({}, "give the least effect that would matter"),
-        ({"effect": 0.5, "test": "wilcoxon"}, "test must be 'friedman' or 'kruskal' for 3 stimuli, got 'wilcoxon'"),
+        ({"effect": 0.5, "test": "mixed"}, 'test="mixed" needs n'),
+        (
+            {"effect": 0.5, "test": "wilcoxon"},
+            "test must be 'friedman', 'kruskal' or 'mixed' for 3 stimuli, got 'wilcoxon'",
+        ),
         ({"effect": 0.5, "n": 1}, "n must be a number of people from 2"),
         ({"effect": 0.001, "k": 2, "simulations": 100}, "2,000 people have a power of"),
         ({"effect": 0.001, "simulations": 200_000}, "2,000 people have a power of"),  # after a few studies only
