@@ -227,7 +227,7 @@ def read_meshes(robot: Robot, packages: Mapping[str, str], way: Way) -> ReadMesh
     """Read all meshes of a robot's collision geometry; ModelError, which names all that cannot be used."""
     found: dict[tuple[str, tuple[float, ...]], tuple[Hull, ...]] = {}
     hashes: dict[Path, str] = {}
-    faults: dict[str, str] = {}
+    faults: dict[str, tuple[str, set[str]]] = {}
     hollow: dict[str, MeshHulls] = {}
     for mesh in _meshes(robot):
         key = mesh.name, tuple(mesh.scale.tolist())
@@ -240,17 +240,22 @@ def read_meshes(robot: Robot, packages: Mapping[str, str], way: Way) -> ReadMesh
             read = _hulls_once((hashes[path], *key[1]), data, path, mesh.scale, way)
         except ModelError as error:
             alike = str(error).replace(shown(mesh.name), "")  # as for all meshes of a package without a folder
-            faults.setdefault(alike, f"the collision geometry of link {shown(mesh.link)}: {error}")
+            said = f"the collision geometry of link {shown(mesh.link)}: {error}"
+            faults.setdefault(alike, (said, set()))[1].add(mesh.name)
             continue
         found[key] = read.pieces
         if read.added:
             hollow[path.name] = read
     if faults:
-        said = [*faults.values()]
-        more = [f"and {len(said) - MOST_SAID} more"] if len(said) > MOST_SAID else []
-        several = f"{len(said)} of its meshes cannot be used. " if len(said) > 1 else ""
-        raise robot.file.error(several + ". ".join([*said[:MOST_SAID], *more]))
+        told = [said + _also(len(names) - 1) for said, names in faults.values()]
+        count, more = sum(len(names) for _, names in faults.values()), len(told) - MOST_SAID
+        several = f"{count} of its meshes cannot be used. " if count > 1 else ""
+        raise robot.file.error(several + ". ".join(told[:MOST_SAID] + [f"and {more} more"] * (more > 0)))
     return ReadMeshes(found, hashes, tuple(_notes(hollow, way)))
+
+
+def _also(count: int) -> str:
+    return f" ({count} more for this reason)" if count else ""
 
 
 def _meshes(robot: Robot) -> Iterator[UrdfMesh]:
