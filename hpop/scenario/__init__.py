@@ -99,6 +99,7 @@ from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import Obstacle, check_coordinates, check_heights
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers import geojson_content
+from hpop.world.readers.moveit_parts import placed_scene
 from hpop.world.readers.readers import read_world
 
 if TYPE_CHECKING:  # imported on first use: start-up time
@@ -207,6 +208,9 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
     faults.raise_all()
     if tour is not None:
         tour = _fitting(faults, tour, cast(Model, model), world)
+    with faults.collected(("world", given_as)):
+        if world.link_rules.frames:
+            placed_scene(world, cast(Model, model).with_scene(world))
     faults.raise_all()
     with faults.collected(("criteria",)):
         listed = cast(list[Criterion], wanted)

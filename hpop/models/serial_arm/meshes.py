@@ -363,7 +363,7 @@ def _filled(surface: Surface, bodies: Sequence[ConvexBody], reason: str) -> Mesh
     volume, filled = abs(surface.volume), sum(body.volume for body in bodies)
     share = f"+{100 * (filled / volume - 1):.0f} % volume, " if 0 < volume <= filled else ""
     pieces = tuple(Hull(body.points) for body in bodies)
-    what = f"gaps up to {1000 * widest:.2g} mm" if len(bodies) == 1 else f"{len(bodies)} pieces"
+    what = f"gaps up to {float(f'{1000 * widest:.2g}'):g} mm" if len(bodies) == 1 else f"{len(bodies)} pieces"
     return MeshHulls(pieces, f"({reason}{share}{what})", widest)
 
 

@@ -90,15 +90,20 @@ def reader_of(path: str | Path) -> str:
         raise MapError(f"a map must be given by its path, a str or Path; got {shown(path)}.") from None
     if is_folder:
         return _reader_of_folder(Path(path))
-    if ending in OTHERS:
-        todo = OTHERS[ending].format(shlex.quote(Path(path).name))
-        raise MapError(f"{named(path)} has a format that no reader reads; {todo}.")
+    if advice := _advice(path):
+        raise MapError(advice)
     if ending not in ENDINGS:
         raise MapError(
             f"{named(path)}: no reader is known for this ending; give reader, one of {', '.join(readers)}. Known "
             f"endings: {', '.join(sorted(ENDINGS))}."
         )
     return ENDINGS[ending]
+
+
+def _advice(path: str | Path) -> str:
+    """Return what to do with a file whose ending no reader reads, as a sentence; "" for other endings."""
+    todo = OTHERS.get(Path(path).suffix.lower(), "").format(shlex.quote(Path(path).name))
+    return todo and f"{named(path)} has a format that no reader reads; {todo}."
 
 
 def _said(reader: str, path: str | Path, options: Mapping[str, Any], known: inspect.Signature) -> str:
@@ -156,6 +161,10 @@ def read_world(reader: str, path: str | Path, **options: Any) -> World:
         raise MapError(f"reader {reader!r}: {_said(reader, path, options, known) or error}") from None
     try:
         world = read(path, **options)
+    except MapError as error:
+        if advice := _advice(path):
+            raise MapError(f"{error} {advice}") from error
+        raise
     except (HpopError, LimitPassed):
         raise
     except Exception as error:  # a plugin may raise anything
