@@ -10,10 +10,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import hpop
-from hpop.errors import MapError, ModelError
+from hpop.errors import MapError, ModelError, ScenarioError
 from hpop.models import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, enlarged_parts
 from hpop.models.serial_arm.collision import KEPT
+from hpop.scenario import load_scenario
 from hpop.world import Box, Cylinder, Hull, Solid, Sphere, World, pose_at
 from hpop.world.bodies import LinkRules
 from tests.models.serial_arm.arms import CRANE, crane
@@ -341,6 +342,14 @@ def test_objects_in_the_frame_of_a_moving_link_are_refused_unless_the_scene_says
     still = in_frames(tmp_path, "mast", state={})
     notes = crane(tmp_path, fixed={"lift": 0.2}).collision(still).world.notes
     assert not any("robot_state" in note for note in notes)
+    (tmp_path / "plan.yaml").write_text(
+        "world: {moveit_scene: {path: scene.yaml}}\nstart: [0, 0, 0, 0]\ngoal: [0.1, 0, 0, 0]\ncriteria: [duration]\n"
+        "planner: roadmap\nmodel: {serial_arm: {urdf: crane.urdf, tip: eye, acceleration: 2}}\n"
+    )
+    with pytest.raises(
+        ScenarioError, match=r"line 1, world\.moveit_scene: the scene must give objects in the frame of"
+    ):
+        load_scenario(tmp_path / "plan.yaml")
     mobile = hpop.MobileArm(crane(tmp_path), folded=(0, 0, 0, 0))
     with pytest.raises(MapError, match="the link 'rail', which moves"):
         hpop.Problem(in_frames(tmp_path, "rail"), mobile, (0, 0, 0, 0, 0, 0, 0), (1, 0, 0, 0, 0, 0, 0), ["duration"])

@@ -140,6 +140,9 @@ def test_what_is_no_cloud_is_refused_with_the_way_out(tmp_path, name, data, said
     (tmp_path / name).write_bytes(data)
     with pytest.raises(MapError, match=said):
         World.from_file(tmp_path / name, **({"resolution": 0.1} if name.startswith("a.p") else {}))
+    if "octree" in said:
+        with pytest.raises(MapError, match=f"expected a PLY or a PCD file, .*{said}"):
+            World.from_file(tmp_path / name, reader="point_cloud", resolution=0.1)
 
 
 @pytest.mark.parametrize("points", [[], [(1, 2)], "abc", np.zeros(3)])
