@@ -97,11 +97,9 @@ def print_front(
         print_wide(console, _executed_table(problem, front, names))
         console.print()
     for run in front.runs if verbose else ():
-        numbers = [
-            _counted(k, v) for k, v in run.items() if isinstance(v, int | float) and abs(v) <= sys.float_info.max
-        ]
-        if numbers:
-            say(f"{run.get('planner', 'planner')}: {', '.join(numbers)}")
+        finite = {k: v for k, v in run.items() if isinstance(v, int | float) and abs(v) <= sys.float_info.max}
+        if finite:
+            say(f"{run.get('planner', 'planner')}: {', '.join(map(_counted, finite.keys(), finite.values()))}")
     origins = Counter(str(origin.get("planner")) for origin in front.provenance)
     if len(origins) > 1:
         say(f"planned by: {', '.join(f'{name} {count:,}' for name, count in sorted(origins.items()))}")
@@ -272,12 +270,8 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     for words in headers(front):
         table.add_column(words, justify="right", no_wrap=True)
     for name, unit in zip(front.reported_names, front.reported_units, strict=True):
-        table.add_column(
-            Text("reported\n") + header(name, unit, quantity_of(name, front.groups)),
-            justify="right",
-            style="dim",
-            no_wrap=True,
-        )
+        words = Text("reported\n") + header(name, unit, quantity_of(name, front.groups))
+        table.add_column(words, justify="right", style="dim", no_wrap=True)
     if is_tour := any("visits" in front.provenance[row] for row in rows):
         table.add_column("stops", no_wrap=True)
     models = [front.trajectories[row].model for row in rows[:1]]

@@ -391,8 +391,7 @@ class Execution(StopLog):
         times = announced.driven.times[announced.arrivals]
         brakes = cut.stops is not None and np.abs(times - cut.stops).min() > SAME
         safe = None if cut.safe is None else progress.lag + cut.safe
-        notes = after.at(progress.state(now), now).notes
-        notes = tuple(dict.fromkeys((*after.problem.notes, *notes)))
+        notes = tuple(dict.fromkeys((*after.problem.notes, *after.at(progress.state(now), now).notes)))
         return Change(now, safe, stops, bool(brakes), tuple(np.flatnonzero(invalid).tolist()), notes)
 
     def _options_at_hand(self) -> Options:

@@ -51,7 +51,7 @@ def off_axis_rates(pose: Pose, twist: Twist, offset: Vector, change: Vector) -> 
     ``change`` is the rate of the offset, m/s.
     """
     length = np.maximum(norm(offset), CLOSEST)
-    turned = _difference(change, cross(twist.rotation, offset))
+    turned = _linear_combination(1.0, change, -1.0, cross(twist.rotation, offset))
     ahead, left, up = (dot(axis, offset) / length for axis in (pose.ahead, pose.left, pose.up))
     growth = dot(offset, change) / length
     ahead_rate, left_rate, up_rate = (
@@ -112,11 +112,6 @@ def _remaining_rotation(pose: Pose, axes: Axes) -> tuple[Vector, Column, Column]
     normal = tuple(0.5 * sum(part) for part in zip(*normals, strict=True))
     trace = sum(dot(one, other) for one, other in zip(own, axes, strict=True))
     return (normal[0], normal[1], normal[2]), norm(normal), 0.5 * (trace - 1.0)
-
-
-def _difference(one: Vector, other: Vector) -> Vector:
-    x, y, z = (a - b for a, b in zip(one, other, strict=True))
-    return x, y, z
 
 
 @goal("look_at")

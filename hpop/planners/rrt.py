@@ -37,7 +37,6 @@ if TYPE_CHECKING:
 # wheel accelerations; :mod:`hpop.planners.rrt_query` defines how the robot moves and when it is free. A state counts as
 # at the goal if braking from it ends near the goal. The braking is appended, and the remaining gap is closed.
 
-
 MOST_STEPS = 5  # wheel accelerations are held for 1 to MOST_STEPS steps
 LATE = "were ended by the time limit"
 VELOCITIES = 0.5  # weight of differences in speed (m/s, rad/s) beside those in position (m), in the tree's distance
@@ -381,10 +380,8 @@ class _FinishedRuns:
 
     def _run_notes(self, sign_changes: FloatArray, failed: Counter[str]) -> tuple[str, ...]:
         """Return notes for the user: why runs failed, the range of sign changes, and advice if nothing was found."""
-        runs, least = (
-            len(self.finished),
-            min((tree_run.missed for tree_run in self.runs if tree_run.missed), default=math.inf),
-        )
+        runs = len(self.finished)
+        least = min((tree_run.missed for tree_run in self.runs if tree_run.missed), default=math.inf)
         notes = [f"rrt: {count} of {runs} runs {failure}" for failure, count in sorted(failed.items())]
         if sign_changes.size:
             least, most = int(sign_changes.min()), int(sign_changes.max())

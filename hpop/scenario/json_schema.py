@@ -137,6 +137,7 @@ ENTRIES: dict[str, tuple[tuple[type[BaseModel], ...], type]] = {
     "fields": ((FieldEntry,), FieldEntry),
 }
 """Lists in a scenario: the possible forms of their entries, and the class whose docstring describes the keys."""
+ONE_KEY: Schema = {"type": "object", "minProperties": 1, "maxProperties": 1, "additionalProperties": False}
 ANGLE: Schema = {"anyOf": [{"type": "number"}, Degrees.json_schema()]}
 FREE: Schema = {"anyOf": [*ANGLE["anyOf"], {"const": "any"}]}
 KEYS = {
@@ -324,13 +325,7 @@ def _named(types: dict[str, Any]) -> Schema:
         parameters = _parameters(cls)
         bare = [] if required_parameters(cls) else [{"type": "null"}]
         properties[name] = {"anyOf": [parameters, *bare], "description": summary(cls)}
-    return {
-        "type": "object",
-        "minProperties": 1,
-        "maxProperties": 1,
-        "additionalProperties": False,
-        "properties": properties,
-    }
+    return {**ONE_KEY, "properties": properties}
 
 
 def _choice(kind: str, types: dict[str, Any]) -> Schema:
@@ -373,13 +368,7 @@ def _world(*, at_home: bool) -> Schema:
         for name in readers.keys() - ways.keys():
             path = {"type": "string", "description": "file, relative to the scenario"}
             ways[name] = {"type": "object", "required": ["path"], "properties": {"path": path}}
-    return {
-        "type": "object",
-        "minProperties": 1,
-        "maxProperties": 1,
-        "additionalProperties": False,
-        "properties": ways,
-    }
+    return {**ONE_KEY, "properties": ways}
 
 
 def _solid() -> Schema:

@@ -32,7 +32,6 @@ from hpop.search.networks import (
 if TYPE_CHECKING:
     import networkx as nx
 
-
 MAX_COSTS = 6
 MOST_NODES = 100_000_000  # even without arcs they take 800 MB
 AGGREGATES = ("sum", "max")

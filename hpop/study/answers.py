@@ -129,9 +129,9 @@ class Answers:
     @cached_property
     def scores(self) -> tuple[ScoreRow, ...]:
         """Return all scores of each questionnaire with scales, at each place of a session where it has an answer."""
-        found = []
+        found, rated = [], [form for form in self.design.questionnaires if form.kind == "ratings"]
         for session in self.sessions:
-            for form in self._rated():
+            for form in rated:
                 for place in range(len(self.design.letters) + 2):
                     if values := session.values(place, form):
                         about = (session.person.id, place, _letter(session, place), form.id)
@@ -271,10 +271,6 @@ class Answers:
             Contents([*who, *of_score], self.scores),
             Contents([*pair, *times], chosen),
         )
-
-    def _rated(self) -> list[Form]:
-        """Return the questionnaires whose items are rated on scales."""
-        return [form for form in self.design.questionnaires if form.kind == "ratings"]
 
     def _asked(self, form: str, score: str) -> Form:
         """Return the questionnaire of a score or item; StudyError if there is none."""

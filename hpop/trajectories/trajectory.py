@@ -192,9 +192,8 @@ class Trajectory:
 
     def part(self, first: int, last: int) -> Trajectory:
         """Return the trajectory from one of its states (n+1,) to another, both given by index."""
-        return self._changed(
-            {n: column[first : last + 1] for n, column in self.states.__dict__.items()}, self.kinds[first:last]
-        )
+        columns = {name: column[first : last + 1] for name, column in self.states.__dict__.items()}
+        return self._changed(columns, self.kinds[first:last])
 
     def then(self, other: Trajectory) -> Trajectory:
         """Return this trajectory followed by another one, which begins in its last state; both are at rest there."""

@@ -179,14 +179,7 @@ def build(description: Mapping[str, Any]) -> World:
             )
     except MapError:
         raise
-    except (
-        AttributeError,
-        LookupError,
-        TypeError,
-        ValueError,
-        OverflowError,
-        shapely.errors.ShapelyError,
-    ) as error:
+    except (AttributeError, LookupError, TypeError, ValueError, OverflowError, shapely.errors.ShapelyError) as error:
         raise MapError(
             "the description of a world is malformed: expected a dict as World.describe returns, got one that fails "
             f"with {shown(error)}; describe the world anew"

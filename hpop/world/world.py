@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -247,14 +246,8 @@ class World(FromCells, FromFiles):
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
-        if (margin, left) not in self._kept_clear:
-            self._kept_clear[margin, left] = replace(self, content=replace(content, kept=margin, left=left))
-        return self._kept_clear[margin, left]
-
-    @cached_property
-    def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
-        """Return the worlds that `keeping` has returned so far by (margin, left), so that derived values are reused."""
-        return {}
+        kept = replace(content, kept=margin, left=left)
+        return self.derived(("keeping", margin, left), lambda: replace(self, content=kept))
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """Return the region, m, where the robot must not be: `solid` in a range of heights, and `closed` at any height.
@@ -335,13 +328,11 @@ class World(FromCells, FromFiles):
         ``groups`` are conversations: each lists the indices of two or more people.
         """
         content = Content(people, groups, landmarks, zones)  # type: ignore[arg-type]  # it makes tuples of them
-        world = replace(self, content=content)
-        return copied(world, source=self.source)
+        return copied(replace(self, content=content), source=self.source)
 
     def with_fields(self, fields: Iterable[MeasuredField]) -> World:
         """Return the world with these measured fields in place of those it had; `notes` tell what they leave out."""
-        world = replace(self, fields=tuple(fields))
-        return copied(world, source=self.source)
+        return copied(replace(self, fields=tuple(fields)), source=self.source)
 
     # Fields
 

@@ -199,7 +199,7 @@ class Staircase(JointSearch):
             self._add_bounds(clock)
         if self.hull and self.corners_size < self.counters[N_FRONT]:
             self._update_corners(self.hull, clock)
-        code = clock.call(
+        code: int = clock.call(
             advance,
             self.counters,
             work,
@@ -225,7 +225,7 @@ class Staircase(JointSearch):
             self.tolerance,
             self.most,
         )
-        return int(code)
+        return code
 
     def _tables(self) -> tuple[Any, ...]:
         """Return the tables of the graph that kernels take as the argument ``graph``."""

@@ -212,7 +212,9 @@ def bounded(world: World, horizon: float | None = None) -> tuple[tuple[Person, .
             people.append(replace(person, futures=futures, until=None))
         else:
             people.append(cut[0][2])
-    return tuple(people), (*_notes(ends), *_note_of(elsewhere), *_notes_of_inside(inside))
+    why = "people who are never on the map, which may have another origin, other axes or another unit: "
+    never = [why + some(elsewhere)] if elsewhere else []
+    return tuple(people), (*_notes(ends), *never, *_notes_of_inside(inside))
 
 
 def with_people(world: World, people: tuple[Person, ...]) -> World:
@@ -347,13 +349,6 @@ def _notes(ends: Iterable[End]) -> Iterable[str]:
     for (why, afterwards), those in several.items():
         words = ENDS[why].format(afterwards=AFTERWARDS[afterwards])
         yield f"people who {words}: {some([f'{end.who} after {end.time:.3g} s' for end in those])}"
-
-
-def _note_of(elsewhere: Sequence[str]) -> Iterable[str]:
-    """Yield a note (a warning to print) on people who are never on the map, if there are any."""
-    if elsewhere:
-        why = "which may have another origin, other axes or another unit"
-        yield f"people who are never on the map, {why}: {some(elsewhere)}"
 
 
 def yielding(person: Person, place: tuple[float, float], reach: float, begin: float = 0.0) -> Person:

@@ -150,7 +150,7 @@ class LocalModel:
         """Return the exact costs (k, b) after each of b steps (b, d), for costs that are sums; 0 for maxima."""
         vertices = self._vertices(steps)
         segments = parts_of(np.ones(vertices.shape[1] - 1, dtype=np.int64))
-        batches = [self._moves(vertices, segments), *self._turns(vertices)]
+        batches = [self._moves(vertices, segments), *turns_of(self.structure, vertices, self.polyline, self.problem)]
         values = np.zeros((len(self.criteria), len(steps)))
         for j in self.sums:
             for batch in batches:
@@ -179,7 +179,7 @@ class LocalModel:
             return []
         tops, probe = self._tops(self._vertices(at[None])[0]), PROBE * np.eye(self.freedom)
         vertices = self._vertices(np.concatenate([at[None], at + probe, at - probe]))
-        batches = [self._moves(vertices, tops), *self._turns(vertices)]
+        batches = [self._moves(vertices, tops), *turns_of(self.structure, vertices, self.polyline, self.problem)]
         rows = []
         for j in self.maxima:
             values = np.concatenate(
@@ -197,9 +197,6 @@ class LocalModel:
         model = self.problem.model
         start, end = (States(x=x, y=y, yaw=yaw) for x, y in (first, last))
         return Motions(self.problem.world, model, model.laws["move"], start, end)
-
-    def _turns(self, vertices: FloatArray) -> list[Motions]:
-        return turns_of(self.structure, vertices, self.polyline, self.problem)
 
     # Distances
 
@@ -230,9 +227,8 @@ class LocalModel:
         finer = np.repeat(segment[passed], len(offsets))
         within = np.clip((share[passed][:, None] + width[:, None] * offsets).ravel(), 0.0, 1.0)
         segment, share = np.concatenate([segment, finer]), np.concatenate([share, within])
-        return SegmentParts(segment, share, share), np.concatenate(
-            [distance, self._distances(vertices, finer, within, z)]
-        )
+        distance = np.concatenate([distance, self._distances(vertices, finer, within, z)])
+        return SegmentParts(segment, share, share), distance
 
     def _distances(self, vertices: FloatArray, segment: IntArray, share: FloatArray, z: Heights) -> FloatArray:
         """Return the signed distances (S,) to obstacles, m, at samples given by segment and share of its length."""
@@ -284,9 +280,10 @@ class LocalModel:
         excess = np.zeros(len(self.criteria))
         excess[self.sums] = np.maximum(costs[self.sums] - foreseen[self.sums], 0.0)
         more = self._limits_at(step)
-        news = bool(np.any(excess - self._excess > 1e-3 * np.maximum(1e-3, np.abs(self.bounds - self.costs))))
+        news = bool(self.maxima) or bool(
+            np.any(excess - self._excess > 1e-3 * np.maximum(1e-3, np.abs(self.bounds - self.costs)))
+        )
         news |= any(bool((row.slopes @ step - row.room > 1e-9)[row.maximum < 0].any()) for row in more)
-        news |= bool(self.maxima)
         self._more += more
         self._excess = excess
         return news

@@ -199,10 +199,8 @@ class PolylineProgram:
             clearances.append(vector(self._world.clearance_field(z=z)(*at), len(self.motions.sampled)))
         above = casadi.vertcat(*rows)
         advance = casadi.sum2(casadi.horzcat(x[1:] - x[:-1], y[1:] - y[:-1]) * ahead)
-        variables, parameters = (
-            casadi.vertcat(free, slack),
-            casadi.vertcat(ends, scale, weight, casadi.vec(ahead), casadi.vec(corrections)),
-        )
+        variables = casadi.vertcat(free, slack)
+        parameters = casadi.vertcat(ends, scale, weight, casadi.vec(ahead), casadi.vec(corrections))
         program = {
             "x": variables,
             "p": parameters,
@@ -348,6 +346,11 @@ class PolylineProgram:
         most = [*[np.inf] * fixed, *[x_max, y_max] * corners]
         tops = self.costs(warm, corrections)[worst]
         floor = np.minimum(epsilon[worst], 0.0)  # costs are not negative: a slack below 0 would lower the objective
+        most_g = [
+            epsilon[summed] / scale[summed],
+            np.zeros(above),
+            np.full(warm.lengths.size + bounded.size, np.inf),
+        ]
         for stop in stopping.values():
             stop.begin()
         with interrupts_held():
@@ -357,13 +360,7 @@ class PolylineProgram:
                 lbx=np.concatenate([np.maximum(least, free - REGION), floor]),
                 ubx=np.concatenate([np.minimum(most, free + REGION), epsilon[worst]]),
                 lbg=np.concatenate([np.full(len(summed) + above, -np.inf), KEEP * warm.lengths, bounded]),
-                ubg=np.concatenate(
-                    [
-                        epsilon[summed] / scale[summed],
-                        np.zeros(above),
-                        np.full(warm.lengths.size + bounded.size, np.inf),
-                    ]
-                ),
+                ubg=np.concatenate(most_g),
             )
         stats = solver.stats()
         self.deadline.check_solver(str(stats["return_status"]))
