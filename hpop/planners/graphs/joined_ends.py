@@ -186,7 +186,8 @@ class JoinedEnds(WrappedGraph):
         counts = self.options["joined"]
         joined = [f"the {what} joined to {count} positions" for what, count in counts.items() if what not in self.stops]
         joined += [f"{len(self.stops)} states of stops joined to positions"] if self.stops else []
-        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {self.join_words}"
+        words = f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {self.join_words}"
+        return f"{words}, turning at the largest rate" if self.slower_turns else words
 
     @property
     def join_words(self) -> str:
