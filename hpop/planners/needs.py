@@ -36,7 +36,8 @@ def refuse_unsupported(planner: Planner, model: Model) -> None:
             able = [name for name, other in planners.items() if other.speeds and other.needs <= model.provides]
             raise UnsupportedModel(
                 f"{planner.name} plans for one speed, but the robot has the speeds {_speeds_text(model)}; give the "
-                f"model one speed. Planners that choose among speeds are {', '.join(able)}."
+                f"model one {'speed and one turn rate' if model.paces and model.speed_classes else 'speed'}. "
+                f"Planners that choose among speeds are {', '.join(able)}."
             )
         return
     able = [name for name, candidate in planners.items() if candidate.needs <= model.provides]
@@ -67,7 +68,8 @@ def people_move(problem: Problem) -> bool:
 
 def _speeds_text(model: Model) -> str:
     speeds = [f"{', '.join(f'{speed:g}' for speed in model.speed_classes)} m/s"] if model.speed_classes else []
-    return ", ".join([*speeds, *dict.fromkeys(kind for pace in model.paces for kind in pace.values())])
+    kinds = ", ".join(dict.fromkeys(kind for pace in model.paces for kind in pace.values()))
+    return " and ".join([*speeds, *filter(None, [kinds])])
 
 
 def refuse_moving(problem: Problem, what: str) -> None:

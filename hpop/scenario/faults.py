@@ -358,8 +358,9 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     text = (
         f"expected {' or '.join(dict.fromkeys(expected))}" if expected else fault["msg"][:1].lower() + fault["msg"][1:]
     )
-    text += f" of {limit}" * bool(limit)
-    hint = f"; {NO_LIMIT}" * bool(limit)
+    text, hint = (f"{text} of {limit}", f"; {NO_LIMIT}") if limit else (text, "")
+    if isinstance(got, list) and loc and f"{loc[-1]}s" in _schema_at(schema, loc[:-1]).model_fields:
+        hint = f"; to list several, write {loc[-1]}s"
     return f"{text}, got {'nothing' if got is None else shown(got, 60)}{note_on_yaml(got)}{hint}"
 
 

@@ -298,6 +298,9 @@ planner: {lattice: {step: 1.0}}
         models.append(scenario.problem.model)
     assert [model.speed_classes for model in models] == [(0.5, 1.5), (), ()]
     assert models[1] == models[2] == hpop.DifferentialDrive(radius=0.3, speed=0.5)
+    (tmp_path / "room.yaml").write_text(text.replace("speeds: %s", "turn_rate: [0.5, 1.5]"))
+    with pytest.raises(hpop.errors.HpopError, match=r"got \[0.5, 1.5\]; to list several, write turn_rates"):
+        load_scenario(tmp_path / "room.yaml")
 
 
 @pytest.mark.parametrize(
@@ -330,6 +333,8 @@ def test_planners_for_one_speed_say_which_ones_choose(planner: str) -> None:
         UnsupportedModel, match=r"the robot has the speeds 0.5, 1, 1.5 m/s; give the model one speed.*lattice"
     ):
         problem(criteria=("duration", "length")).solve(planner)
+    with pytest.raises(UnsupportedModel, match=r"1 m/s and turn_0.4, turn; give the model one speed and one turn rate"):
+        problem(TURNING, criteria=("duration", "length")).solve(planner)
 
 
 def trajectory(*rows: tuple[float, float, float], kinds: tuple[str, ...]) -> Trajectory:
