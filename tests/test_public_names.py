@@ -195,6 +195,7 @@ hpop.study.front_digest
 hpop.study.pick
 hpop.study.power
 hpop.study.prepare
+hpop.study.preregistration
 hpop.study.replace
 hpop.study.save_stimuli
 hpop.study.score
@@ -217,6 +218,7 @@ hpop.study.statistics.dunn
 hpop.study.statistics.friedman
 hpop.study.statistics.kruskal
 hpop.study.statistics.multinomial
+hpop.study.statistics.ordinal_mixed
 hpop.study.statistics.share
 hpop.study.statistics.wilcoxon
 hpop.study.withdraw

@@ -1,4 +1,4 @@
-"""Commands ``hpop study score``, ``report`` and ``power``: tables of answers, tests, number of people needed."""
+"""Commands ``hpop study score``, ``report``, ``preregister`` and ``power``: tables, tests, plan, number of people."""
 
 from __future__ import annotations
 
@@ -27,7 +27,8 @@ folder_argument = click.argument("folder", metavar="DIR", type=click.Path(path_t
 def score(folder: Path) -> None:
     """Make tables of the answers; print medians.
 
-    Writes answers.csv, scores.csv, choices.csv and answers.sqlite; free text of participants goes to remarks.csv only.
+    Writes answers.csv, scores.csv, choices.csv, wide.csv and answers.sqlite, and a description of the columns beside
+    each CSV file; free text of participants goes to remarks.csv only.
     The exit code is 17 if the front has changed since the study began.
     """
     from hpop.study.conditions import FILE
@@ -81,6 +82,40 @@ def report(folder: Path, named: str, method: str, correction: str | None, out: P
     echo(analysis.text())
     echo(f"written: {page}")
     hpop.study.folder.front_of(folder, answers.design)
+
+
+@click.command()
+@folder_argument
+@click.option("--score", "named", default="ssq.total", metavar="FORM.SCORE", help="Primary score. [ssq.total]")
+@click.option("--method", default="default", metavar="NAME", help="default, paper or mixed, as in a report. [default]")
+@click.option("--correction", metavar="NAME", help="For several comparisons: holm, bonferroni or none. [the method's]")
+@click.option("--effect", metavar="SD,SD", help="Smallest effect that matters, as in `hpop study power`.")
+@click.option("--correlation", type=float, default=0.5, metavar="R", help="Correlation between two answers. [0.5]")
+@user_errors
+def preregister(
+    folder: Path, named: str, method: str, correction: str | None, effect: str | None, correlation: float
+) -> None:
+    """Print a preregistration, made from the design.
+
+    It names no letters, so you stay blind. What hpop cannot know, such as hypotheses, is left to fill in. With
+    --effect, it gives the power of the planned number of participants.
+    """
+    design = hpop.study.Design.load(folder)
+    test = "kruskal" if method == "paper" else "mixed" if method == "mixed" else None
+    found = None
+    if effect is not None:
+        found = hpop.study.power(
+            _shifts(effect), n=len(design.enrolled), k=len(design.letters), correlation=correlation, test=test
+        )
+    echo(
+        hpop.study.preregistration(
+            design,
+            score=_score(named),
+            method=cast("Method", method),
+            correction=cast("Correction | None", correction),
+            power=found,
+        )
+    )
 
 
 def _score(text: str) -> tuple[str, str]:

@@ -16,7 +16,7 @@ from hpop import cli
 from hpop.base.files import read_regular
 from hpop.base.text import argument, counted
 from hpop.cli.results import loaded
-from hpop.cli.study_scores import folder_argument, power, report, score
+from hpop.cli.study_scores import folder_argument, power, preregister, report, score
 from hpop.cli.terminal import Commands, echo, imports_option, listed, user_errors
 from hpop.errors import StudyError
 from hpop.runtime import status
@@ -43,7 +43,7 @@ def study() -> None:
     """
 
 
-for _command in (power, report, score):
+for _command in (power, preregister, report, score):
     study.add_command(_command)
 
 

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from hpop.study.page import save_stimuli as save_stimuli
     from hpop.study.page import session_page as session_page
     from hpop.study.participants import Participant as Participant
+    from hpop.study.preregister import preregistration as preregistration
     from hpop.study.statistics import Power as Power
     from hpop.study.statistics import power as power
 

@@ -87,20 +87,10 @@ CHOICES = (
 )
 
 
-def decisions(
-    design: Design,
-    answers: Answers,
-    matrix: Matrix,
-    form: str,
-    method: Method,
-    correction: Correction,
-    notes: Sequence[str],
-) -> dict[str, str]:
-    """Return every decision of the analysis as text, by topic; ``notes`` say which tables were impossible, and why."""
-    complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
-    left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in design.left]
+def planned(design: Design, form: str, method: Method, correction: Correction) -> dict[str, str]:
+    """Return the decisions of an analysis that can be made before any answer, as text, by topic."""
     made = dict({"default": DEFAULT, "paper": PAPER, "mixed": MIXED}[method])
-    if method == "default" and len(matrix.conditions) < LEAST_STIMULI:
+    if method == "default" and len(design.letters) < LEAST_STIMULI:
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
         "Questionnaire": _form_source(design.form(form)),
@@ -109,21 +99,31 @@ def decisions(
         "above .05",
         "Ties": "equal scores are one level" if method == "mixed" else "mean ranks, and variances corrected for them",
         "Quartiles": "by linear interpolation (type 7)",
-        "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
-        "Drop-outs": "; ".join(left) or "none",
-        "Faults of sessions": "; ".join(answers.faults) or "none",
         "Orders": "; ".join(design.uneven) or _orders(design),
         "Durations": _durations(design),
         "Carry-over": MIXED_CARRY_OVER if method == "mixed" else CARRY_OVER,
+    }
+    return made | ({"Choices of pairs": CHOICES} if questions_of(design) else {})
+
+
+def decisions(answers: Answers, matrix: Matrix, plan: Mapping[str, str], notes: Sequence[str]) -> dict[str, str]:
+    """Return every decision of an analysis as text, by topic.
+
+    plan   decisions that were made before the answers
+    notes  reasons why some tables were impossible
+    """
+    complete = int((~np.isnan(matrix.values).any(axis=1)).sum())
+    left = [f"{one.participant} {'withdrew' if one.withdrawn else 'dropped out'}" for one in answers.design.left]
+    return {
+        **plan,
+        "People": f"{counted(len(matrix.people), 'session')}; {complete:,} with all scores",
+        "Drop-outs": "; ".join(left) or "none",
+        "Faults of sessions": "; ".join(answers.faults) or "none",
         **answers.noted,
         "Dashes in tables": "no such number exists: the still view has no costs, and a test of several rows together "
         "has no values in the other rows",
+        **({"Not done": "; ".join(notes)} if notes else {}),
     }
-    if questions_of(design):
-        made["Choices of pairs"] = CHOICES
-    if notes:
-        made["Not done"] = "; ".join(notes)
-    return made
 
 
 def _form_source(form: Form) -> str:
@@ -233,17 +233,8 @@ def analyse(
     Tables that need more answers are left out, with the reason in the result's ``choices`` (decisions). Raises
     StudyError for a form that is not asked after each stimulus, and without answers.
     """
-    one_of("method", method, METHODS, error=StudyError)
-    chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
-    one_of("correction", chosen, CORRECTIONS, error=StudyError)
-    if isinstance(score, str) or len(score) != 2:
-        raise StudyError(f"score must be a form and a name, such as ('ssq', 'total'), got {shown(score)}")
-    form, name = score
-    if "after_each" not in (when := design.form(form).when):
-        fitting = ", ".join(one.id for one in design.questionnaires if "after_each" in one.when) or "none of the study"
-        raise StudyError(
-            f"form {form} is not asked after each stimulus, so there is nothing to compare; forms that are: {fitting}"
-        )
+    form, name, chosen = checked_question(design, method, score, correction)
+    when = design.form(form).when
     matrix = answers.matrix(form, name)
     if np.isnan(matrix.values).all():
         raise StudyError(f"no participant has all answers for the score {name} of form {form}; see `hpop study check`")
@@ -259,8 +250,26 @@ def analyse(
         score=name,
         correction=chosen,
         tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs | live,
-        choices=decisions(design, answers, matrix, form, method, chosen, [*notes, *lacking]),
+        choices=decisions(answers, matrix, planned(design, form, method, chosen), [*notes, *lacking]),
     )
+
+
+def checked_question(
+    design: Design, method: Method, score: tuple[str, str], correction: Correction | None
+) -> tuple[str, str, Correction]:
+    """Return form, score and correction of an analysis; StudyError if the study cannot be analysed so."""
+    one_of("method", method, METHODS, error=StudyError)
+    chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
+    one_of("correction", chosen, CORRECTIONS, error=StudyError)
+    if isinstance(score, str) or len(score) != 2:
+        raise StudyError(f"score must be a form and a name, such as ('ssq', 'total'), got {shown(score)}")
+    form, name = score
+    if "after_each" not in design.form(form).when:
+        fitting = ", ".join(one.id for one in design.questionnaires if "after_each" in one.when) or "none of the study"
+        raise StudyError(
+            f"form {form} is not asked after each stimulus, so there is nothing to compare; forms that are: {fitting}"
+        )
+    return form, name, chosen
 
 
 DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}

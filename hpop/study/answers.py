@@ -26,9 +26,11 @@ from hpop.study.forms import Form, score
 from hpop.study.live import live_table
 from hpop.study.participants import unequal
 from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
+from hpop.study.sharing import sidecars, wide_table
 
 MOST_FILES = 2000
-CSV, SQLITE, REMARKS = ("answers.csv", "scores.csv", "choices.csv"), "answers.sqlite", "remarks.csv"
+CSV = ("answers.csv", "scores.csv", "choices.csv", "wide.csv")
+SQLITE, REMARKS = "answers.sqlite", "remarks.csv"
 SHORT = 1.0
 """Tolerance, s, by which a video may be reported as ended before its real end."""
 
@@ -244,14 +246,18 @@ class Answers:
         return said
 
     def save_tables(self, folder: str | os.PathLike[str]) -> list[Path]:
-        """Write answers.csv, scores.csv, choices.csv, answers.sqlite, and separately remarks.csv; return their paths.
+        """Write answers.csv, scores.csv, choices.csv, wide.csv, answers.sqlite, and separately remarks.csv.
 
-        The tables hold ids, letters, names of items and numbers, but no text written by participants.
+        Returns their paths. The tables hold ids, letters, names of items and numbers, but no text written by
+        participants. A JSON file beside each CSV file describes its columns.
         """
         target = Path(folder)
         tables = dict(zip(("answers", "scores", "choices"), self._contents(), strict=True))
-        for name, table in zip(CSV, tables.values(), strict=True):
+        wide, described = wide_table(self)
+        for name, table in zip(CSV, (*tables.values(), wide), strict=True):
             write_bytes(target / name, csv_bytes(table))
+        for stem, columns in (sidecars(self.design) | {"wide": described}).items():
+            documents.write(target / f"{stem}.json", columns)
         write_bytes(target / SQLITE, sqlite_bytes(tables))
         remarks = [(session.person.id, *remark) for session in self.sessions for remark in session.remarks]
         columns = [TableColumn("participant", "TEXT"), TableColumn("place", "INTEGER"), TableColumn("remark", "TEXT")]

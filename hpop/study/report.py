@@ -31,6 +31,7 @@ from hpop.study.documents import (
 )
 from hpop.study.figures import draw, figures
 from hpop.study.results import Cell, Row
+from hpop.study.sharing import variable_names
 from hpop.study.statistics.pairs import STEP
 from hpop.view.page import png_of
 
@@ -263,9 +264,12 @@ def cell_text(column: str, value: Cell) -> str:
 
 
 def _contents(rows: Sequence[Row], mark: str) -> Contents:
-    """Return rows as a table for CSV, in full precision; an extra column marks simulated answers."""
+    """Return rows as a table for CSV, in full precision; an extra column marks simulated answers.
+
+    Headings are names of variables for R, JASP and SPSS.
+    """
     headings = _columns(rows)
-    columns = [TableColumn(heading, "TEXT") for heading in headings]
+    columns = [TableColumn(name, "TEXT") for name in variable_names(headings)]
     cells = [[row.get(heading) for heading in headings] for row in rows]
     if mark:
         columns, cells = [*columns, TableColumn("simulated", "TEXT")], [[*line, "SIMULATED"] for line in cells]

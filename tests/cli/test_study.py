@@ -101,6 +101,9 @@ def test_a_report_is_written_beside_the_answers(study: Study, planned: Path) -> 
     assert reported.exit_code == 0, reported.output
     assert "written: s/report/report.html" in reported.output
     assert Path("s/report/report.html").is_file()
+    planned_before = study("preregister", "s", "--method", "mixed")
+    assert planned_before.exit_code == 0
+    assert f"SHA-256 {design.digest}" in planned_before.output
     misspelt = study("report", "s", "--method", "papre")
     assert misspelt.exit_code == 17
     assert "Did you mean 'paper'" in misspelt.output
