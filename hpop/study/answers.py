@@ -256,8 +256,8 @@ class Answers:
         wide, described = wide_table(self)
         for name, table in zip(CSV, (*tables.values(), wide), strict=True):
             write_bytes(target / name, csv_bytes(table))
-        for stem, columns in (sidecars(self.design) | {"wide": described}).items():
-            documents.write(target / f"{stem}.json", columns)
+        for stem, sidecar in (sidecars(self.design) | {"wide": described}).items():
+            documents.write(target / f"{stem}.json", sidecar)
         write_bytes(target / SQLITE, sqlite_bytes(tables))
         remarks = [(session.person.id, *remark) for session in self.sessions for remark in session.remarks]
         columns = [TableColumn("participant", "TEXT"), TableColumn("place", "INTEGER"), TableColumn("remark", "TEXT")]
