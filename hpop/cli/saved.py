@@ -270,7 +270,7 @@ def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     default="squared_acceleration",
     metavar="NAME",
     show_default=True,
-    help="Traded for time: squared_acceleration or peak_optic_flow.",
+    help="Traded for time: squared_acceleration, peak_optic_flow or felt_msdv.",
 )
 @click.option(
     "--slowest", type=float, default=2.0, metavar="FACTOR", show_default=True, help="Largest duration over the least."

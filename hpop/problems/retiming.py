@@ -1,4 +1,4 @@
-"""Fronts of speed profiles along one path: duration against a convex discomfort."""
+"""Fronts of speed profiles along one path: duration against a discomfort."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from functools import cached_property
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import FloatArray, frozen
+from hpop.base.arrays import FloatArray, IntArray, frozen
 from hpop.base.options import LEAST, MOST, real, whole
 from hpop.base.text import shown
-from hpop.criteria.base import Criterion, CriterionSpec, make_criterion
+from hpop.criteria.base import Criterion, CriterionSpec, check_usable, make_criterion
+from hpop.criteria.comfort.sickness import W_F
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.errors import ModelError, OptionError, QueryError
-from hpop.motions import HOLD, Motions, States
+from hpop.motions import HOLD, Motions, States, Vector
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.planners.base import Candidates
 from hpop.planners.needs import people_move
 from hpop.planners.programs.speed_profiles import Discomfort, Profiles
 from hpop.planners.programs.stretches import Coordinates, PathStretch, coordinates_of, stretches_of
+from hpop.planners.programs.weighted_profiles import WeightedMotion
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as evaluated_front
@@ -33,22 +35,60 @@ from hpop.trajectories.trajectory import Trajectory
 MOST_POINTS = 1000
 FACTOR = 20.0  # largest value of `slowest`
 SLOWER, TRIALS = 1.0005, 80  # factor on the time, and largest number of them, until a curved path keeps its limits
-EXACT, QUADRATURE, SAMPLED = 1e-6, 1e-2, 0.25  # shares by which planned and re-evaluated costs may differ
+EXACT, QUADRATURE, WEIGHTED, SAMPLED = (
+    1e-6,
+    1e-2,
+    2e-2,
+    0.25,
+)  # shares by which planned and re-evaluated costs may differ
 CONSTANT = 1e-9  # a smaller discomfort of the fastest profile is none
 
 
-def _camera_acceleration(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
-    """Return the data of the discomfort "squared_acceleration": derivatives of the camera's position along the path."""
+def _derivatives(problem: Problem, path: _Path, body: str, in_frame: bool) -> tuple[FloatArray, FloatArray]:
+    """Return first and second derivatives (N, 3) of a body's position along the path, in its frame or the world's."""
     slopes, bends = list[FloatArray](), list[FloatArray]()
     for one in path.stretches:
         rates, changes = path.coordinates.rates_of_states(one.middle, *one.in_middle)
         model, size = problem.model, one.steps.size
         for rows, twist in (
-            (slopes, model.twist("camera", one.middle, rates)),
-            (bends, model.twist_rate("camera", one.middle, rates, changes)),
+            (slopes, model.twist(body, one.middle, rates)),
+            (bends, model.twist_rate(body, one.middle, rates, changes)),
         ):
-            rows.append(np.stack([np.broadcast_to(np.asarray(v, float), size) for v in twist.velocity], axis=1))
-    return Discomfort(slopes=np.concatenate(slopes), bends=np.concatenate(bends))
+            found = _columns(twist.velocity, size)
+            if in_frame:
+                pose = model.pose(body, one.middle)
+                axes = [_columns(axis, size) for axis in (pose.ahead, pose.left, pose.up)]
+                found = np.stack([(found * axis).sum(axis=1) for axis in axes], axis=1)
+            rows.append(found)
+    return np.concatenate(slopes), np.concatenate(bends)
+
+
+def _columns(vector: Vector, size: int) -> FloatArray:
+    """Return a vector's components, each a column or a number, as an array (size, 3)."""
+    return np.stack([np.broadcast_to(np.asarray(v, float), size) for v in vector], axis=1)
+
+
+def _camera_acceleration(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
+    """Return the data of the discomfort "squared_acceleration"."""
+    slopes, bends = _derivatives(problem, path, "camera", in_frame=False)
+    return Discomfort(slopes=slopes, bends=bends)
+
+
+def _weighted_acceleration(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
+    """Return the data of the discomfort "felt_msdv"."""
+    slopes, bends = _derivatives(problem, path, "seat", in_frame=True)
+    steps, first, pauses, held = list[FloatArray](), list[IntArray](), list[FloatArray](), 0.0
+    for part in path.parts:
+        if not isinstance(part, PathStretch):
+            held += part
+            continue
+        steps.append(part.steps)
+        first.append(np.arange(part.steps.size) + sum(one.size + 1 for one in first))
+        pauses.append(np.append(held, np.zeros(part.steps.size - 1)))
+        held = 0.0
+    parts = (np.concatenate(column) for column in (steps, first, pauses))
+    weighted = WeightedMotion(slopes, bends, *parts, W_F)
+    return Discomfort(slopes=slopes, bends=bends, weighted=weighted)
 
 
 def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
@@ -66,6 +106,7 @@ def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discom
 DISCOMFORTS: Mapping[str, tuple[Callable[[Problem, Criterion, _Path], Discomfort], float]] = {
     "squared_acceleration": (_camera_acceleration, QUADRATURE),
     "peak_optic_flow": (_largest_flow, SAMPLED),
+    "felt_msdv": (_weighted_acceleration, WEIGHTED),
 }
 """Discomforts by the name of their criterion: their data for programs, and the tolerance of planned costs."""
 
@@ -141,13 +182,14 @@ def retime(
 ) -> Front:
     """Return the front of speed profiles along the path of a trajectory: duration against a discomfort.
 
-    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program; with a limit
-    of ``jerk``, gentler ones may exist. The first one is the fastest. The other criteria of the problem are evaluated
-    and reported.
+    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program. With a limit
+    of ``jerk``, and for "felt_msdv", gentler ones may exist. The first one is the fastest. The other criteria of the
+    problem are evaluated and reported.
 
     Parameters
     ----------
-    discomfort : "squared_acceleration" or "peak_optic_flow", or such a criterion with parameters
+    discomfort : "squared_acceleration", "peak_optic_flow" or, for a robot with a seat, "felt_msdv"; or such a criterion
+        with parameters
     points : number of durations that are tried, in equal ratios, from the least one to ``slowest`` times it
     slowest : largest duration of the moving parts, as a multiple of the least one
     jerk : largest jerk, in m/s³ for moves, rad/s³ for turns, and the units of the joints of an arm; None: no limit
@@ -192,6 +234,9 @@ def retime(
             "which accelerations jump at any speed; leave jerk out, or retime a path of a lattice or a roadmap"
         )
     build, tolerance = DISCOMFORTS[criterion.name]
+    if jerk is not None and build is _weighted_acceleration:
+        raise OptionError(f"jerk cannot be limited with the discomfort {criterion.name}; leave jerk out")
+    check_usable(criterion, problem.model, problem.world)
     profiles = Profiles(path.stretches, build(problem, criterion, path), jerk)
     own = [c for c in problem.criteria if c.role == "stops_missed"]  # a tour with optional stops needs it
     names = {"duration", criterion.name, *(c.name for c in own)}
@@ -226,8 +271,8 @@ def _discomfort(problem: Problem, given: CriterionSpec) -> Criterion:
     criterion = own[given] if isinstance(given, str) and given in own else make_criterion(given)
     if criterion.name not in DISCOMFORTS:
         raise OptionError(
-            f"discomfort must be one of {', '.join(DISCOMFORTS)}, which are convex in the squared speed along a path, "
-            f"got {shown(criterion.name)}; list other criteria in the problem, to have them evaluated"
+            f"discomfort must be one of {', '.join(DISCOMFORTS)}, got {shown(criterion.name)}; list other criteria in "
+            "the problem, to have them evaluated"
         )
     return criterion
 
@@ -264,6 +309,12 @@ def _certificate(profiles: Profiles, criterion: Criterion) -> str:
         f"each point is the speed profile of least {criterion.name} for its duration on one path, with constant "
         f"acceleration along it in each of {profiles.steps.size:,} intervals (convex programs, solved by Clarabel)"
     )
+    if profiles.discomfort.weighted is not None:
+        return (
+            f"each point has little {criterion.name} for its duration on one path, with constant acceleration along it "
+            f"in each of {profiles.steps.size:,} intervals: the better of two local minima (nonlinear programs, solved "
+            "by IPOPT), so that better profiles may exist; the first point is the fastest profile"
+        )
     if profiles.jerk is None:
         return claim
     return (

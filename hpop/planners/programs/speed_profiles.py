@@ -32,6 +32,7 @@ import scipy.sparse as sp
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import OptionError
 from hpop.planners.programs.stretches import PathStretch
+from hpop.planners.programs.weighted_profiles import WeightedMotion, WeightedProgram
 
 ROUNDS = 12  # largest number of programs for one profile with a limit of jerk
 GAIN = 1e-4  # share of the cost: a smaller gain of a round ends the rounds
@@ -41,18 +42,21 @@ SLOWER = 1.1  # factor by which a first profile is slowed down until it keeps th
 
 @dataclass(frozen=True, eq=False)
 class Discomfort:
-    """Convex discomfort of speed profiles over N intervals of all stretches.
+    """Discomfort of speed profiles over N intervals of all stretches.
 
-    It is either the largest optic flow, or the integral of the squared acceleration of the camera.
+    It is the largest optic flow, the integral of a body's squared acceleration, or the dose of a seat's weighted
+    acceleration. The first two are convex.
 
-    flow     (N,)    largest optic flow, rad/s, in each interval at ds/dt = 1; None for the integral
-    slopes   (N, 3)  p', derivative by s of the camera's position p, m, in the middle of each interval
-    bends    (N, 3)  p''; with both, the discomfort is the integral of the squared acceleration, m²/s³
+    flow      (N,)    largest optic flow, rad/s, in each interval at ds/dt = 1; None for the others
+    slopes    (N, 3)  p', derivative by s of the body's position p, m, in the middle of each interval
+    bends     (N, 3)  p''; with both, the discomfort is the integral of the squared acceleration, m²/s³
+    weighted          the weighted acceleration of a seat with these slopes and bends; None for the others
     """
 
     flow: FloatArray | None = None
     slopes: FloatArray | None = None
     bends: FloatArray | None = None
+    weighted: WeightedMotion | None = None
 
 
 @dataclass(eq=False)
@@ -173,6 +177,8 @@ class Profiles:
         if one.flow is not None:
             root = np.sqrt(b)
             return float((one.flow * np.maximum(root[self.first], root[self.first + 1])).max())
+        if one.weighted is not None:
+            return one.weighted.dose(b)
         return float(((self._felt @ b).reshape(3, -1) ** 2).sum(axis=0) @ self.durations(b))
 
     @cached_property
@@ -276,6 +282,12 @@ class Profiles:
         cone = cp.SOC(each + total, cp.vstack([rows, cp.reshape(each - total, (1, n), order="C")]), axis=0)
         return cp.Problem(cp.Minimize(cp.sum(each)), [*within, cone, duration <= most]), most
 
+    @cached_property
+    def _weighted(self) -> WeightedProgram | None:
+        """Nonlinear program of a weighted discomfort; None for the others."""
+        weighted = self.discomfort.weighted
+        return weighted and WeightedProgram(weighted, self.caps, self._limited, self.cost(self.fastest))
+
     def _solved(self, program: Any) -> FloatArray | None:
         """Solve a program and return b at all positions, or None."""
         cp = import_module("cvxpy")
@@ -361,9 +373,15 @@ class Profiles:
     def gentlest(self, duration: float, start: FloatArray) -> FloatArray | None:
         """Return the profile (b at each position) of least discomfort within a duration, s; None if no solver finds it.
 
-        start  profile within this duration. Used only with a limit of jerk: programs are then solved one after another,
-               and the first one begins with it
+        start  profile within this duration. With a limit of jerk, programs are solved one after another, and the first
+               one begins with it. A weighted discomfort is improved from it, and from the profile of least unweighted
+               acceleration; the better local minimum is returned
         """
         program, most = self._gentlest
         most.value = duration
-        return self._improved(program, start, self.cost)
+        found = self._improved(program, start, self.cost)
+        if self._weighted is None:
+            return found
+        begins = [start] if found is None else [start, found]
+        improved = [self._weighted.improved(b, duration) for b in begins]
+        return min([*begins, *(self.within_limits(b) for b in improved if b is not None)], key=self.cost)
