@@ -86,9 +86,8 @@ def _weighted_acceleration(problem: Problem, criterion: Criterion, path: _Path) 
         first.append(np.arange(part.steps.size) + sum(one.size + 1 for one in first))
         pauses.append(np.append(held, np.zeros(part.steps.size - 1)))
         held = 0.0
-    parts = (np.concatenate(column) for column in (steps, first, pauses))
-    weighted = WeightedMotion(slopes, bends, *parts, W_F)
-    return Discomfort(slopes=slopes, bends=bends, weighted=weighted)
+    grid = np.concatenate(steps), np.concatenate(first), np.concatenate(pauses)
+    return Discomfort(slopes=slopes, bends=bends, weighted=WeightedMotion(slopes, bends, *grid, W_F))
 
 
 def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:

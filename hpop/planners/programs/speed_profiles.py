@@ -286,7 +286,9 @@ class Profiles:
     def _weighted(self) -> WeightedProgram | None:
         """Nonlinear program of a weighted discomfort; None for the others."""
         weighted = self.discomfort.weighted
-        return weighted and WeightedProgram(weighted, self.caps, self._limited, self.cost(self.fastest))
+        if weighted is None:
+            return None
+        return WeightedProgram(weighted, self.caps, self._limited, self.cost(self.fastest))
 
     def _solved(self, program: Any) -> FloatArray | None:
         """Solve a program and return b at all positions, or None."""
