@@ -17,7 +17,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.text import printable, shown
-from hpop.errors import MapError, ModelError, did_you_mean
+from hpop.errors import MapError, ModelError
 from hpop.models.serial_arm.convex import (
     COARSE,
     LARGE,
@@ -64,7 +64,8 @@ def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path
         if package not in packages:
             raise ModelError(
                 f"the folder of package {shown(package)} must be given for the mesh {shown(mesh.name)}; give it in "
-                f"packages, as {{{printable(package)[:80]}: FOLDER}}" + did_you_mean(package, packages)
+                f"packages, as {{{printable(package)[:80]}: FOLDER}}"
+                + (f", which has {', '.join(map(shown, packages))}" if packages else "")
             )
         folder = Path(packages[package])
     elif rest and kind != "file":
