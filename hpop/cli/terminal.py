@@ -139,7 +139,7 @@ def user_errors(command: F) -> F:
         except HpopError as error:
             code, text = error.exit_code, str(error)
             for note in getattr(error, "__notes__", ()):
-                text += f"\n{note}" if note.startswith(NOTE) else f"; {note}"
+                text = f"{text}\n{note}" if note.startswith(NOTE) else f"{text.removesuffix('.')}; {note}"
         except KeyboardInterrupt:
             code, text = INTERRUPTED, "interrupted"
         except MemoryError:
