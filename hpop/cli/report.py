@@ -290,13 +290,15 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def driven_speeds(trajectory: Trajectory) -> str:
-    """Return the speeds, m/s, at which a plan with speed classes drives, as text such as "0.5 1"; "-" without any.
+    """Return the speeds, m/s, at which a plan drives, such as "0.5 1", for a speed profile "up to 0.9"; "-" for none.
 
     For a robot that chooses among laws, such as an arm, the kinds of motion that it chooses follow: "reach_0.5".
     """
-    chosen = {kind for pace in trajectory.model.paces for kind in pace.values()}
-    speeds = distinct(getattr(trajectory.states, SPEED, np.zeros(1))) if trajectory.model.speed_classes else np.zeros(1)
+    model, none = trajectory.model, np.zeros(1)
+    chosen = {kind for pace in model.paces for kind in pace.values()}
+    speeds = distinct(getattr(trajectory.states, SPEED, none)) if model.speed_classes else none
     driven = [f"{speed:g}" for speed in speeds.tolist() if speed > 0.0]
+    driven = driven if len(driven) <= len(model.speed_classes) else [f"up to {speeds.max():.3g}"]
     return " ".join([*driven, *sorted(chosen.intersection(trajectory.kinds))]) or "-"
 
 

@@ -14,7 +14,7 @@ import shapely
 
 import hpop
 from hpop.base.arrays import Column
-from hpop.cli.report import print_front
+from hpop.cli.report import driven_speeds, print_front
 from hpop.criteria.base import criterion
 from hpop.errors import ModelError, UnsupportedModel
 from hpop.models import PanTilt
@@ -190,6 +190,8 @@ def test_the_table_of_a_front_shows_the_speeds_of_each_plan(capsys: pytest.Captu
     printed = capsys.readouterr().out
     assert re.search(r"speeds\b", printed)
     assert re.search(r"\b0.5 1(\.5)?\b", printed)
+    profile = trajectory(*[(1 + i, 0, i % 5 / 10) for i in range(6)], kinds=("run",) * 5)
+    assert driven_speeds(profile) == "up to 0.4"
 
 
 def test_a_tour_stands_at_its_stops_and_keeps_speeds_between_them() -> None:
