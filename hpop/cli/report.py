@@ -282,10 +282,9 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
     columns = [numbers(column, quantum) for column, quantum in zip(costs, front.quanta, strict=True)]
     columns += [[number(value, 1e-6) for value in column] for column in reported.tolist()]
     for row, *cells in zip(rows, *columns, strict=True):
-        label = _labels(names.get(row, []))
         order = [visit_order(front, row)] if is_tour else []
         order += [driven_speeds(front.trajectories[row])] if has_speeds else []
-        table.add_row(str(row), *cells, *order, label, style="bold" if row in names else None)
+        table.add_row(str(row), *cells, *order, _labels(names.get(row, [])), style="bold" if row in names else None)
     return table
 
 
