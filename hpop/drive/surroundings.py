@@ -68,7 +68,7 @@ class DriveSurroundings:
         zones = problem.world.content.zones
         closings = tuple(Closing(z.area, z.name) for z in zones if z.kind == "keep-out" and z.name)
         people = problem.world.content.people
-        bodies = _bodies(people, {}, margin)
+        bodies = _bodies(people, {}, margin, problem.world.extent)
         return cls(problem, bare(problem.world), closings, named_areas(problem.world), since, bodies, margin)
 
     @property
@@ -231,13 +231,15 @@ class DriveSurroundings:
         )
         problem = replace(self.problem, world=world)
         areas = self.areas if areas is None else areas
-        bodies = _bodies(problem.world.content.people, self.bodies, self.margin)
+        bodies = _bodies(problem.world.content.people, self.bodies, self.margin, self.bare.extent)
         stopping = self.stopping if problem.world.content.people == self.people else ()
         return DriveSurroundings(problem, self.bare, closings, areas, since, bodies, self.margin, stopping)
 
 
-def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: float) -> dict[Person, Closing]:
-    """Return the closed area of each standing person: the person's body, enlarged by a margin, m.
+def _bodies(
+    people: Iterable[Person], before: Mapping[Person, Closing], margin: float, extent: BaseGeometry
+) -> dict[Person, Closing]:
+    """Return the closed area of each person who stands on the map, of ``extent``: the body, enlarged by a margin, m.
 
     A person who is in ``before`` (earlier areas) keeps the area from there, as the same object.
     """
@@ -245,7 +247,8 @@ def _bodies(people: Iterable[Person], before: Mapping[Person, Closing], margin: 
     for i, body in content.bodies.items():
         person = content.people[i]
         closing = Closing(body, person=person.name or "a person", place=(person.x, person.y))
-        bodies[person] = before.get(person) or closing
+        if body.intersects(extent):  # else the person has gone
+            bodies[person] = before.get(person) or closing
     return bodies
 
 

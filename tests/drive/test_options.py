@@ -305,6 +305,7 @@ def test_those_who_have_gone_by_the_time_that_a_door_closes_cost_nothing_any_mor
     alone = asked(two_doors(people=people[1:]), "hall_zones", "length")
     for option in options:
         assert option.costs["hall_zones"] == pytest.approx(alone.evaluate(option.item)["hall_zones"])
+    assert [closing.person for closing in drive.surroundings.closed] == ["", "guard"]
 
 
 def test_a_mean_of_the_whole_drive_counts_the_time_for_which_it_stood_before_a_door() -> None:
