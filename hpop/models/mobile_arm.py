@@ -74,7 +74,7 @@ from hpop.motions.laws import CHANGE
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.geometry.solids import Shape
-from hpop.world.readers.moveit_parts import placed_scene
+from hpop.world.readers.moveit_frames import placed_scene
 
 AXIS = Mount()  # position of the body "base": on the axis, on the floor
 UNFOLDED = 1e-6  # rad or m: by how much a joint of a folded arm may differ from its folded value

@@ -36,7 +36,7 @@ from hpop.runtime.status import ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people
-from hpop.world.readers.moveit_parts import placed_scene
+from hpop.world.readers.moveit_frames import placed_scene
 
 TourSpec = Tour | Mapping[str, Any] | None
 

@@ -99,7 +99,7 @@ from hpop.world.geometry.outlines import check_joinable
 from hpop.world.geometry.shapes import Obstacle, check_coordinates, check_heights
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 from hpop.world.readers import geojson_content
-from hpop.world.readers.moveit_parts import placed_scene
+from hpop.world.readers.moveit_frames import placed_scene
 from hpop.world.readers.readers import read_world
 
 if TYPE_CHECKING:  # imported on first use: start-up time

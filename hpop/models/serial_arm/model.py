@@ -39,7 +39,7 @@ from hpop.models.serial_arm.meshes import WAYS, Way
 from hpop.motions import Body, Law, Leg, Model, Motions, Pose, States, StateSpace, Twist, integrated
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.bodies import WIDEST
-from hpop.world.readers.moveit_parts import placed_scene
+from hpop.world.readers.moveit_frames import placed_scene
 
 if TYPE_CHECKING:
     from hpop.world import World

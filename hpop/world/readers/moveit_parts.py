@@ -11,22 +11,16 @@ The last line is a full stop.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, NamedTuple
-
-import numpy as np
+from typing import Any, NamedTuple
 
 from hpop.base.arrays import FloatArray
 from hpop.base.options import MOST, real
 from hpop.base.text import counted, shown
-from hpop.errors import MapError, did_you_mean
+from hpop.errors import MapError
 from hpop.world.bodies import MOST_ATTACHED, LinkRules, Pair, padding_of, scale_of
 from hpop.world.geometry.solids import MOST_POINTS, MOST_SOLIDS, Shape, Solid, rpy_of
-
-if TYPE_CHECKING:
-    from hpop.motions import Model
-    from hpop.world.world import World
 
 CUT = "..."
 """Text that ``ros2 topic echo`` writes in place of omitted values."""
@@ -148,101 +142,6 @@ def attached_objects(
             pairs |= {_pair(solid.name, a if b == name else b): may for (a, b), may in of_part.items()}
             others |= {solid.name: before.others[name]} if name in before.others else {}
     return replace(before, pairs=pairs, others=others, attached=tuple(found.values()))
-
-
-WORLD_FRAMES = ("", "world")
-"""Names of frames that are the frame of the world."""
-
-
-def joint_values(state: SceneEntry) -> dict[str, float]:
-    """Return the values, rad or m, of the joints in the state of a robot; MapError for a malformed state."""
-    if state.given is None or state.get("joint_state").given is None:
-        return {}
-    given = state.get("joint_state")
-    names = [part.name("a joint") for part in given.get("name").entries(MOST_NAMES)]
-    values = given.get("position").entries(MOST_NAMES)
-    if len(names) != len(values):
-        raise MapError(f"{given.what} must have a position for each name; got {len(values)} for {len(names)} names.")
-    read = (float(real(each.what, each.given, -MOST, MOST, error=MapError)) for each in values)
-    return dict(zip(names, read, strict=True))
-
-
-def frame_notes(rules: LinkRules) -> Iterator[str]:
-    """Yield a note on objects that are not given in the frame of the world, and that no robot has placed there yet."""
-    if others := {frame: name for name, frame in rules.frames.items() if frame not in WORLD_FRAMES}:
-        frame, name = next(iter(others.items()))
-        yield (
-            f"the scene gives objects in other frames than the world, such as {shown(name)} in {shown(frame)}: a "
-            "problem places them by the links of its robot; until then, their poses are taken as in the world"
-        )
-
-
-def placed_scene(world: World, model: Model) -> World:
-    """Return a world in which the objects that a planning scene gives in frames of links are placed in the world.
-
-    MoveIt does so too: an object stands where the frame is in the scene's state of the robot. A single other frame
-    counts as the world's, with a note unless it is called "world". A world that is placed already is returned as it is.
-
-    Raises MapError for an object in the frame of a link that moves, unless the scene says by joint values where it was,
-    and for objects in several frames that are unknown.
-    """
-    rules = world.link_rules
-    if not rules.frames:
-        return world
-    notes = [note for note in world.notes if note not in set(frame_notes(rules))]
-    poses: dict[str, FloatArray] = {}
-    strange: dict[str, str] = {}
-    for name, frame in rules.frames.items():
-        if frame in poses or frame in strange:
-            continue
-        if frame in WORLD_FRAMES or frame not in model.links:
-            strange[frame] = name
-            continue
-        pose, still = model.link_pose(frame, rules.joints), model.link_pose(frame, {})
-        if pose is None:
-            raise MapError(
-                f"the scene must give objects in the frame of the world or of a link that stands still, but gives "
-                f"{shown(name)} in the frame of the link {shown(frame)}, which moves. If the robot holds it, attach it "
-                "to the link (attached_collision_objects, or the option attached of the arm); else give its pose in "
-                "the world, or save the scene with one robot_state that has all joints of the robot."
-            )
-        if still is None or not np.allclose(still, pose, atol=1e-9):
-            notes.append(
-                f"the scene gives {shown(name)} in the frame of the link {shown(frame)}: it stands where this link is "
-                "in the scene's robot_state"
-            )
-        poses[frame] = pose
-    if len(strange) > 1:
-        (frame, first), (other, second) = list(strange.items())[:2]
-        raise MapError(
-            f"the scene gives the object {shown(first)} in frame {shown(frame)}, the object {shown(second)} in frame "
-            f"{shown(other)}, and neither is a link of the robot. Give all objects in one frame, or give one frame in "
-            "the other by fixed_frame_transforms."
-            + (did_you_mean(frame, model.links) or did_you_mean(other, model.links))
-        )
-    for frame in set(strange).difference(WORLD_FRAMES):
-        notes.append(
-            f"the scene gives objects in the frame {shown(frame)}, which neither the robot nor fixed_frame_transforms "
-            f"know; it is taken as the frame of the world.{did_you_mean(frame, model.links)}"
-        )
-    return world.derived(
-        ("placed", *((frame, pose.tobytes()) for frame, pose in poses.items()), *notes),
-        lambda: _in_one_frame(world, poses, notes),
-    )
-
-
-def _in_one_frame(world: World, poses: Mapping[str, FloatArray], notes: Iterable[str]) -> World:
-    """Return a world with its solids in its own frame, given the poses (4, 4) in the world of other frames."""
-    rules, ground = world.link_rules, world.ground
-    if not all(np.array_equal(pose, np.eye(4)) for pose in poses.values()):
-        within = [poses.get(rules.frames.get(solid.name, ""), np.eye(4)) for solid in ground.solids]
-        solids = tuple(
-            replace(solid, pose=pose @ solid.pose) for solid, pose in zip(ground.solids, within, strict=True)
-        )
-        prisms = tuple(prism for prism in ground.obstacles if prism.solid is None)
-        ground = replace(ground, obstacles=prisms, solids=solids, extent=type(world).from_solids(solids).extent)
-    placed = replace(world, ground=ground, notes=tuple(notes), link_rules=replace(rules, frames={}, joints={}))
-    return placed if world.source is None else placed.read_from(world.source)
 
 
 def rule_notes(scene: SceneEntry, rules: LinkRules, objects: Collection[str]) -> Iterator[str]:

@@ -24,13 +24,11 @@ from hpop.runtime.limits import READING
 from hpop.world.bodies import LinkRules
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
 from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
+from hpop.world.readers.moveit_frames import WORLD_FRAMES, frame_notes, joint_values
 from hpop.world.readers.moveit_parts import (
-    WORLD_FRAMES,
     SceneEntry,
     attached_objects,
-    frame_notes,
     is_scene_text,
-    joint_values,
     link_rules,
     rule_notes,
     scene_of_text,
@@ -56,6 +54,17 @@ LABELS = frozenset({"type", "subframe_names", "subframe_poses"})
 """Keys of an object that are ignored, since they describe no solid part."""
 NOTED = ("robot_state", "allowed_collision_matrix", "link_padding", "link_scale", "object_colors")
 SCENE = frozenset({"name", "robot_model_name", "is_diff", "world", "fixed_frame_transforms", *NOTED})
+WITHIN = (
+    "header seq stamp sec nanosec secs nsecs frame_id child_frame_id transform translation rotation position "
+    "orientation x y z w r g b a dimensions polygon points resource vertices triangles vertex_indices coef "
+    "collision_objects octomap origin binary resolution data joint_state velocity effort multi_dof_joint_state "
+    "joint_names transforms twist wrench linear angular force torque attached_collision_objects link_name object "
+    "touch_links detach_posture weight positions velocities accelerations time_from_start entry_names "
+    "entry_values enabled default_entry_names default_entry_values padding scale color key db"
+)
+"""Keys of the parts of a scene in ``moveit_msgs/PlanningScene``; some of them are of no use for planning."""
+NUMBERS = ("vertices", "triangles", "data")
+"""Keys of long lists of numbers."""
 CONVEX = 1e-4
 """Largest difference between a convex mesh and its hull, by rounding in files, as a share of the hull's volume."""
 
@@ -207,10 +216,22 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
         yield f"{scene.what} has subframes of {counted(len(frames), 'object')}, which are not read"
     unknown = {str(key) for entry in things for key in entry.given if key not in READ | LABELS}
     strange = {str(key) for key in scene.given if key not in SCENE}
-    for where, keys in (("its objects have", sorted(unknown)), ("it has", sorted(strange))):
+    known = READ | LABELS | SCENE | set(WITHIN.split())
+    within = set(_keys(scene.given)) - known - unknown - strange
+    for where, keys in (("its objects have", unknown), ("it has", strange), ("parts of it have", within)):
         if keys:
-            near = "".join(did_you_mean(key, READ | SCENE) for key in keys)
-            yield f"{scene.what}: {where} {', '.join(map(shown, keys))}, which is not read.{near}"
+            near = "".join(did_you_mean(key, known) for key in sorted(keys))
+            yield f"{scene.what}: {where} {', '.join(map(shown, sorted(keys)))}, which is not read.{near}"
+
+
+def _keys(given: Any) -> Iterator[str]:
+    """Yield the keys of all mappings within a value, except in long lists of numbers."""
+    for key, value in given.items() if isinstance(given, dict) else ():
+        yield str(key)
+        if key not in NUMBERS:
+            yield from _keys(value)
+    for value in given if isinstance(given, list) else ():
+        yield from _keys(value)
 
 
 def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:

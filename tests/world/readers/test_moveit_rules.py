@@ -385,3 +385,12 @@ def test_joint_states_that_are_no_joint_states_are_refused_where_they_matter(tmp
     turned = {"transforms": [{"translation": [1, 0, 0]}], "joint_names": ["virtual"]}
     notes = world_of(tmp_path, robot_state={"multi_dof_joint_state": turned}).notes
     assert any("multi_dof_joint_state is not read; give the pose of the root link as base" in note for note in notes)
+
+
+def test_misspelt_keys_in_the_parts_of_a_scene_are_noted(tmp_path):
+    """They were dropped without a word, so that a pose was the identity, and an object not attached."""
+    turned = BALL | {"header": {"frame": "cell"}, "pose": {"positon": [3, 0, 1.2]}}
+    state = {"attached_collision_object": [{"link_name": "jib", "object": BALL}]}
+    note = world_of(tmp_path, things=[turned], robot_state=state).notes[0]
+    assert "parts of it have 'attached_collision_object', 'frame', 'positon', which is not read" in note
+    assert all(f"Did you mean {key!r}?" in note for key in ("attached_collision_objects", "position"))
