@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 JOINTS = "joints"  # capability; given as a body it stands for the values of the joints instead of poses
 NO_BODIES = frozenset(
-    {"heading", JOINTS, "plane", "rigid", "spline", "time", "turn-move", "wheels"}
+    {"heading", JOINTS, "plane", "rigid", "spline", "steering", "time", "turn-move", "wheels"}
 )  # capabilities of models (`Model.provides`) that are not names of bodies
 POSE = {"x": "m", "y": "m", "z": "m", "yaw": "rad", "pitch": "rad", "roll": "rad"}
 VELOCITY = ("vx", "vy", "vz")

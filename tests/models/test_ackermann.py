@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from itertools import pairwise, product
+from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 import pytest
-from scipy.optimize import minimize
 from scipy.special import fresnel
 
 import hpop
@@ -108,43 +108,63 @@ def test_reeds_and_shepp_are_symmetric_and_never_longer_than_dubins():
     assert (there >= np.hypot(x, y) - 1e-9).all()
 
 
-def shortest_by_descent(pose: tuple[float, float, float], letters: str, forwards: bool, starts: int) -> float:
-    """Return the least length of words with given letters that end in a pose, by descent from random starts."""
-    bends = np.array([[LETTERS[letter] for letter in letters]])
-
-    def miss(ways: np.ndarray) -> np.ndarray:
-        x, y, yaw = (column[0, -1] for column in composed(bends, ways[None]))
-        return np.array([x - pose[0], y - pose[1], np.sin(0.5 * (yaw - pose[2]))])
-
-    best, rng = np.inf, np.random.default_rng(0)
-    for _ in range(starts):
-        ways = rng.uniform(0, 2, len(letters))
-        signs = np.ones(len(letters)) if forwards else rng.choice([-1.0, 1.0], len(letters))
-        found = minimize(
-            lambda w, signs=signs: float(signs @ w),
-            signs * ways,
-            constraints={"type": "eq", "fun": miss},
-            bounds=[(0, 9) if sign > 0 else (-9, 0) for sign in signs],
-            method="SLSQP",
-        )
-        if np.abs(miss(found.x)).max() < 1e-8:
-            best = min(best, float(np.abs(found.x).sum()))
-    return best
+def patterns(forwards: bool) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Yield letters, and how the lengths of a word follow from three unknowns: lengths = unknowns @ gains + fixed."""
+    for letters in ("LSL", "LSR", "RSL", "RSR", "LRL", "RLR"):
+        yield letters, np.eye(3), np.zeros(3)
+    if forwards:
+        return
+    quarter = 0.5 * np.pi
+    for first, second in ("LR", "RL"):
+        for sign in (1.0, -1.0):
+            yield 2 * (first + second), np.array([[1, 0, 0, 0], [0, 1, sign, 0], [0, 0, 0, 1.0]]), np.zeros(4)
+            for last in "LR":
+                gains = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
+                yield first + second + "S" + last, gains, np.array([0, sign * quarter, 0, 0])
+                yield last + "S" + second + first, gains[:, ::-1], np.array([0, 0, sign * quarter, 0])
+                for other in (1.0, -1.0):
+                    gains = np.array([[1, 0, 0, 0, 0], [0, 0, 1, 0, 0], [0, 0, 0, 0, 1.0]])
+                    end = last + ("R" if last == "L" else "L")
+                    yield first + second + "S" + end, gains, np.array([0, sign * quarter, 0, other * quarter, 0])
 
 
-@pytest.mark.proof
-@pytest.mark.parametrize("forwards", [True, False])
-def test_no_word_of_up_to_five_letters_is_shorter(forwards):
-    """Brute force: all sequences of letters, and descent from random starts, for 12 poses."""
-    size = 3 if forwards else 5
-    words = ["".join(word) for word in product("LSR", repeat=size)]
-    words = [word for word in words if all(a != b for a, b in pairwise(word))]
-    x, y, yaw = random_poses(12, 3.0)
-    ours = (dubins if forwards else reeds_shepp)(x, y, yaw).total
-    for i in range(12):
-        least = min(shortest_by_descent((x[i], y[i], yaw[i]), word, forwards, 12 if forwards else 6) for word in words)
-        assert ours[i] <= least + 1e-6
-        assert least <= ours[i] + 1e-4
+def shortest_by_enumeration(pose: tuple[float, float, float], forwards: bool, starts: int) -> float:
+    """Return the length of the shortest word to a pose: Newton's method from a grid of starts, for every pattern."""
+    least = np.inf
+    grid = np.linspace(0.0 if forwards else -6.0, 6.0, starts)
+    for letters, gains, fixed in patterns(forwards):
+        bends = np.array([LETTERS[letter] for letter in letters])
+
+        def miss(w: np.ndarray, bends=bends, gains=gains, fixed=fixed) -> np.ndarray:
+            ways = w @ gains + fixed
+            x, y, yaw = (column[:, -1] for column in composed(np.broadcast_to(bends, ways.shape), ways))
+            return np.stack([x - pose[0], y - pose[1], np.remainder(yaw - pose[2] + np.pi, 2 * np.pi) - np.pi], axis=1)
+
+        w = np.array(list(product(grid, repeat=3)))
+        for _ in range(25):
+            here = miss(w)
+            slopes = np.stack([(miss(w + 1e-7 * unit) - here) / 1e-7 for unit in np.eye(3)], axis=2)
+            turned = slopes.transpose(0, 2, 1)
+            step = np.linalg.solve(turned @ slopes + 1e-12 * np.eye(3), turned @ here[..., None])[..., 0]
+            w = w - step * np.minimum(1.0, 1.0 / np.maximum(np.abs(step).max(axis=1, keepdims=True), 1e-12))
+        ways = w @ gains + fixed
+        arcs = np.remainder(ways, 2 * np.pi)
+        turns = np.where(bends == 0, ways, arcs if forwards else np.minimum(arcs, 2 * np.pi - arcs))
+        found = np.abs(miss(w)).max(axis=1) < 1e-8
+        if forwards:
+            found &= (ways[:, bends == 0] >= -1e-9).all(axis=1)
+        least = min(least, np.abs(turns[found]).sum(axis=1).min(initial=np.inf))
+    return least
+
+
+@pytest.mark.parametrize("forwards", [True, pytest.param(False, marks=pytest.mark.proof)])
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.proof) for seed in range(1, 13))])
+def test_shortest_paths_are_those_of_an_enumeration(forwards, seed):
+    rng = np.random.default_rng(seed)
+    x, y, yaw = (np.array([value]) for value in rng.uniform((-3, -3, -np.pi), (3, 3, np.pi)))
+    ours = (dubins if forwards else reeds_shepp)(x, y, yaw).total[0]
+    least = shortest_by_enumeration((x[0], y[0], yaw[0]), forwards, 6)
+    assert ours == pytest.approx(least, abs=1e-6)
 
 
 @pytest.mark.parametrize("car", [CAR, hpop.Ackermann(reverse_speed=0.0)], ids=["reverses", "forwards"])

@@ -26,7 +26,10 @@ from hpop.models.ramps import WAY, Limits, Ramp
 from hpop.motions import LawDefaults, Phase, States
 from hpop.motions.laws import PACE
 
-NODES = gauss(10)  # the error is below 1e-13 of the length if a motion turns by at most 2 rad
+FEW, MANY = gauss(6), gauss(10)  # nodes of quadrature
+GENTLE = (
+    0.7  # rad: up to this sum of rotation and bend the few nodes suffice; both errors are below 1e-13 of the length
+)
 MOST_TURN = np.pi + 1e-6  # rad: largest rotation of one motion
 NEWTON_STEPS = 20
 CONVERGED = 1e-14
@@ -77,7 +80,7 @@ def arc_shape(start: States, end: States) -> CurveShape:
     return CurveShape((dx * ahead + dy * left) / sinc(0.5 * turn), turn, 0.0 * turn, dy * ahead - dx * left)
 
 
-@lru_cache(maxsize=2)  # a rate reads x, y and yaw at the same ends, one after the other
+@lru_cache(maxsize=8)  # a rate reads x, y and yaw at the same ends, one after the other, on each core
 def clothoid_shape(start: States, end: States) -> CurveShape:
     """Return the shape of the clothoids between states (M,); the stray is inf where Newton's method does not end."""
     turn = np.asarray(end.yaw - start.yaw)
@@ -88,9 +91,10 @@ def clothoid_shape(start: States, end: States) -> CurveShape:
     first = np.where(moves, start.yaw - np.arctan2(sense * dy, sense * dx), 0.0)
     first = np.where(moves, np.angle(np.exp(1j * first)), -0.5 * turn)
     bend = 3.0 * (2.0 * first + turn)
+    nodes = _nodes(turn, bend)
     for _ in range(NEWTON_STEPS):
         error, slope, along = (np.zeros(np.shape(turn)) for _ in range(3))
-        for node, weight in NODES:
+        for node, weight in nodes:
             heading = first + node * (turn - bend * (1.0 - node))
             sine, cosine = weight * np.sin(heading), weight * np.cos(heading)
             error, slope, along = error + sine, slope - node * (1.0 - node) * cosine, along + cosine
@@ -101,6 +105,11 @@ def clothoid_shape(start: States, end: States) -> CurveShape:
     length = sense * np.divide(chord, along, out=np.zeros(np.shape(turn)), where=along > CONVERGED)
     found = (np.abs(error) < 1e-9) & (along > CONVERGED) | ~moves
     return CurveShape(np.where(found, length, 0.0), turn, bend, np.where(found, 0.0, np.inf))
+
+
+def _nodes(turn: Column, bend: Column) -> tuple[tuple[float, float], ...]:
+    """Return nodes and weights of a quadrature that is exact to rounding for clothoids with these headings."""
+    return FEW if (np.abs(turn) + np.abs(bend)).max(initial=0.0) < GENTLE else MANY
 
 
 class SteeredGeometry(LawDefaults):
@@ -205,7 +214,7 @@ class ClothoidGeometry(SteeredGeometry):
     def _displacement(self, name: str, yaw: Column, share: Column, shape: tuple[Column, Column, Column]) -> Column:
         length, turn, bend = shape
         projection, total = np.cos if name == "x" else np.sin, 0.0 * share
-        for node, weight in NODES:
+        for node, weight in _nodes(turn, bend):
             at = node * share
             total = total + weight * projection(yaw + at * (turn - bend * (1.0 - at)))
         return length * share * total

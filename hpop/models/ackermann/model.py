@@ -100,8 +100,8 @@ class Ackermann(PlanarModel):
 
     @property
     def provides(self) -> frozenset[str]:
-        """Capabilities: those of every planar model, and "heading" if the base only goes forwards."""
-        return super().provides | (frozenset() if self.reverse_speed else {"heading"})
+        """Capabilities: those of every planar model, "steering", and "heading" if the base only goes forwards."""
+        return super().provides | {"steering", *(() if self.reverse_speed else ("heading",))}
 
     @property
     def radius(self) -> float:

@@ -10,9 +10,19 @@ if TYPE_CHECKING:
     from hpop.planners.graphs.corners import CornersGraph
     from hpop.planners.graphs.family import BuiltGraph, GraphFamily, OnGraph, graph_family
     from hpop.planners.graphs.lattice.family import LatticeGraph
+    from hpop.planners.graphs.primitives import PrimitivesGraph
     from hpop.planners.graphs.roadmap.family import RoadmapGraph
 
-__all__ = ["BuiltGraph", "CornersGraph", "GraphFamily", "LatticeGraph", "OnGraph", "RoadmapGraph", "graph_family"]
+__all__ = [
+    "BuiltGraph",
+    "CornersGraph",
+    "GraphFamily",
+    "LatticeGraph",
+    "OnGraph",
+    "PrimitivesGraph",
+    "RoadmapGraph",
+    "graph_family",
+]
 
 __getattr__ = on_first_use(
     __name__,
@@ -22,6 +32,7 @@ __getattr__ = on_first_use(
         "GraphFamily": "hpop.planners.graphs.family",
         "LatticeGraph": "hpop.planners.graphs.lattice.family",
         "OnGraph": "hpop.planners.graphs.family",
+        "PrimitivesGraph": "hpop.planners.graphs.primitives",
         "RoadmapGraph": "hpop.planners.graphs.roadmap.family",
         "graph_family": "hpop.planners.graphs.family",
     },
