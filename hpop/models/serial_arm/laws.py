@@ -230,6 +230,10 @@ class JointSpline:
         speeds = dict(zip(map(rate_of, self.names), rates, strict=True))
         return States(**dict(zip(self.names, values, strict=True)), **speeds, clock=clock)
 
+    def ends_turn(self, start: States, end: States) -> BoolArray:
+        """Return a mask (M,) that is False: an arm has no turns of a base."""
+        return np.zeros(start.size, dtype=np.bool_)
+
     def phases(self, start: States, end: States) -> tuple[Phase, ...]:
         """Return one phase, in which the share of the motion done grows evenly with time."""
         duration = end.clock - start.clock
