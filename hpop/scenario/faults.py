@@ -332,7 +332,7 @@ def _said(schema: type[BaseModel], loc: Place, faults: list[Any]) -> str:
     fault = next((one for one in faults if not _expected(one)), faults[0])
     got = fault.get("input")
     if fault["type"] == "extra_forbidden":
-        known, way_out = list(_schema_at(schema, loc[:-1]).model_fields), ""
+        known, way_out = [*_schema_at(schema, loc[:-1]).model_fields, *(goals if schema is StopEntry else ())], ""
         if loc[:-1] == ("world",):
             if loc[-1] in readers:
                 return "no such key beside another; give exactly one reader"

@@ -91,6 +91,7 @@ def test_model_and_planner_have_defaults_and_a_name_alone_will_do(tmp_path: Path
 @pytest.mark.parametrize(
     ("order", "stop", "line", "key", "said"),
     [
+        ("order: any", "{look_att: {distance: [1, 2]}}", 17, "tour.stops.1.look_att", "did you mean 'look_at'?"),
         ("order: any", "{landmark: vase}", 17, "tour.stops.1", "no landmark is called 'vase'"),
         ("order: any", "{at: [5, 9], within: 4.9}", 17, "tour.stops.1", "y 0.00 to 4.00 m. Move the stop"),
         ("some: [[a, b], [b, a]]", "{at: [5, 3], within: 1, name: b}", 14, "tour.some", "a before b before a"),
