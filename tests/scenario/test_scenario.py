@@ -102,8 +102,9 @@ def test_a_fault_of_a_tour_is_said_with_the_line_of_its_stop_or_order(
     tmp_path: Path, order: str, stop: str, line: int, key: str, said: str
 ) -> None:
     tour = f"tour:\n  {order}\n  stops:\n    - {{at: [1, 3], within: 0.5, name: a}}\n    - {stop}\n"
-    (only,) = faults(scenario(tmp_path, text=ROOM + tour), QueryError)
-    assert only.startswith(f"line {line}, {key}: ")
+    kind = ScenarioError if "look_att" in stop else QueryError
+    (only,) = faults(scenario(tmp_path, text=ROOM + tour), kind)
+    assert only.startswith(f"line {line}, {key}")
     assert said in only
     assert "larger" not in only
 
