@@ -146,9 +146,13 @@ class Faults:
     def no_map(self) -> None:
         """Raise ScenarioError if the file is a map rather than a scenario."""
         given = self._document.values
-        a_ros_map, a_geojson = {"image", "resolution"} <= given.keys(), "features" in given
-        if "world" not in given and (a_ros_map or a_geojson):
-            reader, path = "ros_map" if a_ros_map else "geojson", self._document.path
+        world, path = given.get("world"), self._document.path
+        maps = {
+            "ros_map": "world" not in given and {"image", "resolution"} <= given.keys(),
+            "geojson": "world" not in given and "features" in given,
+            "moveit_scene": isinstance(world, dict) and "collision_objects" in world,
+        }
+        for reader in (name for name, is_map in maps.items() if is_map):
             raise ScenarioError(
                 f"{path}: this is a map, not a scenario; write a separate YAML file that names it, with "
                 f"world: {{{reader}: {{path: {path.name}}}}}, start, goal and criteria"

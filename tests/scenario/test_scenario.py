@@ -290,6 +290,7 @@ def test_a_map_that_is_named_too_shortly_is_told_as_it_is_written(
     [
         ("map.yaml", "image: a.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n", "ros_map"),
         ("hall.geojson", '{"type": "FeatureCollection", "features": []}', "geojson"),
+        ("scene.yaml", "name: shelf\nworld: {collision_objects: []}\n", "moveit_scene"),
     ],
 )
 def test_a_map_in_place_of_a_scenario_is_told_as_what_it_is(
