@@ -142,6 +142,7 @@ def test_splines_leave_the_approach_as_it_is():
         assert np.abs(speeds).max() < 5  # no jump where the spline ends
 
 
+@pytest.mark.proof
 def test_a_base_stands_while_its_arm_approaches():
     robot = hpop.MobileArm(arm6(base=(0, 0, 0.3, 0, 0, 0)))
     world = World.from_polygons([], extent=shapely.box(-3, -3, 3, 3))

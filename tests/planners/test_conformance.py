@@ -68,6 +68,7 @@ LESS = {
     *(("roadmap", model) for model in ("differential_drive", "holonomic", "serial_arm")),
     *(("lattice", "pan_tilt"), ("weighted-sum", "pan_tilt")),
     *(("exact", model) for model in ("differential_drive", "holonomic", "serial_arm")),
+    *((name, "view") for name in ("any-angle", "epsilon-constraint", "exact", "roadmap", "smoothing")),
     *(("smoothing", "differential_drive"), ("spline", "serial_arm")),  # of which `make test` asks what they find
 }
 

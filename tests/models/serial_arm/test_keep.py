@@ -142,6 +142,7 @@ def test_what_cannot_be_kept_is_refused(keep, said):
         arm6(keep=keep)
 
 
+@pytest.mark.proof
 def test_an_arm_on_a_base_keeps_it_while_it_drives_and_reaches():
     """The folded arm holds the cup upright as well; the frames are those of the URDF, turned by the base's heading."""
     upright = {"body": "tool", "axis": (-1, 0, 0), "angle": (0, radians(25))}

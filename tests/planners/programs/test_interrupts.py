@@ -52,7 +52,7 @@ class Calls:
         return called
 
 
-@pytest.fixture(scope="module", params=PLANNERS)
+@pytest.fixture(scope="module", params=["epsilon-constraint", pytest.param("smoothing", marks=pytest.mark.proof)])
 def planner(request):
     planner = PLANNERS[request.param]
     with pytest.MonkeyPatch.context() as patch:

@@ -29,6 +29,7 @@ def test_a_question_is_drawn_anew_if_posts_enclose_the_arm(tmp_path):
     assert all(collision.motions_free(m).all() for _, m in path.batches(problem.world))
 
 
+@pytest.mark.proof
 def test_a_settled_spline_cannot_be_improved(tmp_path):
     settled, gains = splines_and_gains([3], tmp_path)
     assert settled.all()

@@ -142,6 +142,7 @@ def test_a_search_within_a_precision_that_is_stopped_in_the_museum_proves_nearly
         assert 0.02 < true <= paths.gap <= true + 0.015
 
 
+@pytest.mark.proof
 def test_a_stopped_query_of_a_prepared_museum_proves_nearly_the_true_gap() -> None:
     """So few labels are too few for the approximate search, which would prove a tenth."""
     query = Lattice(step=0.5).query(hpop.examples.museum())
