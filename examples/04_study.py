@@ -76,6 +76,8 @@ def analyse(design: study.Design, folder: Path) -> None:
     letters = {condition.name: condition.id for condition in design.conditions}
     felt = {letters.get(name, name): level for name, level in FELT.items()}
     answers = study.simulate(design, felt, liking={letters[name]: level for name, level in LIKED.items()}, seed=14)
+    plan = study.preregistration(design, method="mixed")  # before anyone is asked
+    (folder / "preregistration.md").write_text(plan, encoding="utf-8")
     study.analyse(design, answers).save(folder / "report")  # Friedman, Wilcoxon, Holm: see report.html
     result = study.analyse(design, answers, method="paper")
     medians = {str(row["stimulus"])[0]: float(row["median"]) for row in result.tables["scores"][1:4]}
@@ -83,6 +85,10 @@ def analyse(design: study.Design, folder: Path) -> None:
     print(f"\n{result.mark}\n{'median SSQ':19} {'simulated':>9} {'paper':>6}")
     for name, printed in PAPER.items():
         print(f"{name:19} {medians[letters.get(name, name)]:9.2f} {printed:6.2f}")
+
+    # An ordinal mixed model, and whether the stimulus before matters (nothing in these simulated answers does).
+    for row in study.analyse(design, answers, method="mixed").tables["carry-over"]:
+        print(f"{row['test']}: chi-square({row['df']}) {row['chi-square']:.2f}, p {row['p']:.3f}")
 
     # For groups of equal size, the statistics of Kruskal-Wallis and Dunn obey two identities, also those of the paper.
     z = [float(pair["z"]) for pair in result.tables["pairs"]]

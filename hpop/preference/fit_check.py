@@ -7,9 +7,13 @@ process (Chu and Ghahramani 2005, "Preference learning with Gaussian processes",
 weighted sum. Each question of the test compares the best row with a challenger: a row that the Gaussian process
 expects to be better, and the weighted sum expects to be worse.
 
-The *doubt* is the number of questions that the best row lost beyond the number that the weighted sum expects, plus the
-logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum. Above :data:`MOST_DOUBT`
-the weighted sum does not fit.
+The *doubt* is the number of questions that the best row lost beyond the number that the weighted sum expects, plus half
+the logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum. Above
+:data:`MOST_DOUBT` the weighted sum does not fit.
+
+What can be found: on a front that is not convex, some rows are best for no weighted sum, and a person who prefers one
+is found. On a convex front every row is best for some weights, so a few answers rarely rule out all weights; the
+answers of the test then move the weights instead.
 """
 
 from __future__ import annotations
@@ -29,15 +33,17 @@ from hpop.preference.answers import LAPSE, LOG, CostScale, Feature, PairAnswer, 
 from hpop.preference.posterior import NOTICEABLE, Draws
 from hpop.preference.preference import Preference
 
-CHECKS = 6
+CHECKS = 8
 """Number of questions of a test."""
-MOST_DOUBT = 2.0
+MOST_DOUBT = 2.2
 """Doubt above which a weighted sum does not fit; some 5 % of people whom it fits have more."""
 SPREADS = tuple((plain, bent, length) for plain in (5.0, 15.0) for bent in (4.0, 10.0) for length in (0.2, 0.5))
 """Settings of the Gaussian process, equally probable before any answer: standard deviations of the weights and of the
 smooth function, and the length over which it changes, as a share of the costs' ranges."""
 HELPFUL = 1.0
 """Least gain of the logarithm of the evidence by a feature that is worth suggesting."""
+THRESHOLDS = (0.25, 0.5, 0.75)
+"""Thresholds that are tried as features, as shares of the range of a cost."""
 DRAWN = 20_000
 """Draws of the prior for the evidence of a weighted sum."""
 STEPS = 60
@@ -136,8 +142,8 @@ class FitCheck:
 
     @property
     def doubt(self) -> float:
-        """Return the doubt whether a weighted sum describes the person: `lost` - `expected` + `evidence_ratio`."""
-        return self.lost - self.expected + self.evidence_ratio
+        """Return the doubt whether a weighted sum describes the person: `lost` - `expected` + `evidence_ratio` / 2."""
+        return self.lost - self.expected + self.evidence_ratio / 2
 
     @property
     def fits(self) -> bool:
@@ -160,18 +166,19 @@ class FitCheck:
     def suggestions(self) -> list[tuple[dict[str, Feature], float]]:
         """Return features for ``Preference.fit(..., features=...)`` that describe the answers better, the best first.
 
-        Each is "log", or a threshold in the middle of the range, of one cost, with the gain of the logarithm of the
-        evidence; only gains of at least :data:`HELPFUL` are returned.
+        Each is "log", or a threshold at a quarter, a half or three quarters of the range, of one cost, with the gain of
+        the logarithm of the evidence. The best feature of each cost is returned, if its gain is at least
+        :data:`HELPFUL`.
         """
         scale, front = self.person.scale, self.person.points
         plain = self._evidence_of_sum(CostScale.of(front, {}))  # type: ignore[arg-type]
         found: list[tuple[dict[str, Feature], float]] = []
         for name, low, span in zip(scale.names, scale.ideal.tolist(), scale.span.tolist(), strict=True):
-            for feature in (LOG, low + 0.5 * span) if span > 0 else ():
-                bent = CostScale.of(front, {name: feature})  # type: ignore[arg-type]
-                gain = self._evidence_of_sum(bent) - plain
-                if gain >= HELPFUL:
-                    found.append(({name: feature}, gain))
+            features: tuple[Feature, ...] = (LOG, *(low + share * span for share in THRESHOLDS)) if span > 0 else ()
+            scales = [CostScale.of(front, {name: feature}) for feature in features]  # type: ignore[arg-type]
+            gains = [self._evidence_of_sum(bent) - plain for bent in scales]
+            if gains and max(gains) >= HELPFUL:
+                found.append(({name: features[int(np.argmax(gains))]}, max(gains)))
         return sorted(found, key=lambda one: -one[1])
 
     def words(self) -> str:

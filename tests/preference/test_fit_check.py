@@ -107,7 +107,7 @@ def test_a_test_needs_answers_and_its_own_row():
 
 
 @pytest.mark.proof
-def test_three_of_four_people_with_regrets_in_the_museum_are_found_at_one_false_alarm_in_twenty():
+def test_four_of_five_people_with_regrets_in_the_museum_are_found_at_one_false_alarm_in_twenty():
     """People err as the model says. Bounds leave room for chance: 200 people who fit, some 40 who do not."""
     front = load_scenario(Path(__file__).parents[2] / "examples" / "museum.yaml").problem.solve("lattice", step=0.25)
     alarms, found = [], []
@@ -128,7 +128,7 @@ def test_three_of_four_people_with_regrets_in_the_museum_are_found_at_one_false_
             found.append(not check.fits)
     assert sum(alarms) <= 20  # at 5 %: more by chance once in 1,000 times
     assert len(found) >= 30
-    assert np.mean(found) >= 0.7
+    assert np.mean(found) >= 0.75  # 4 of 5, less what 40 people may differ by
 
 
 def erring(rng: np.random.Generator, loss: FloatArray, sharpness: float) -> Answer:
