@@ -26,6 +26,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.base.options import LEAST
+from hpop.errors import ModelError
 from hpop.models.speeds import checked_speeds, turns_text
 from hpop.motions import Model, Motions, States, laws_of
 from hpop.motions.laws import CHANGE, SPEED
@@ -43,10 +44,11 @@ if TYPE_CHECKING:
 def with_run_speeds(ends: Ends, model: Model) -> Ends:
     """Return the graph in which each straight run has one of the speeds of the model, for plans among moving people.
 
-    The given graph is returned if the model has one speed, or if the graph is not in the plane.
+    The given graph is returned if the model has one speed and one turn rate, or if the graph is not in the plane.
+    Raises ModelError for several turn rates without speeds.
     """
     space, alone = ends.space, ends.space.states_alone
-    if not model.speed_classes or alone is None:
+    if not (model.speed_classes or model.paces) or alone is None:
         return ends
     layered = space.over_states(run_speed_graph)
     shift = layered.size - space.size  # nodes that were added for ends come after those of all layers
@@ -59,8 +61,13 @@ def with_run_speeds(ends: Ends, model: Model) -> Ends:
 
 def run_speed_graph(states: StateGraph) -> StateGraph:
     """Return a graph of states in which each straight run has one of the speeds of the model, if it has several."""
-    if not states.model.speed_classes:
+    if not (states.model.speed_classes or states.model.paces):
         return states
+    if not states.model.speed_classes:
+        raise ModelError(
+            f"the model {states.model.name!r} has paces, so among people who move it needs speed_classes; add one or "
+            "more, and **speed_laws(speed_classes, acceleration) from hpop.models.speeds to its laws"
+        )
     speeds = checked_speeds(states.model.speed_classes, LEAST)
     return RunSpeedGraph(states.model, states.world, states, speeds, spending=states.spending)
 

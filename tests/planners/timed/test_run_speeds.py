@@ -18,6 +18,7 @@ import shapely
 import hpop
 from hpop.base.arrays import Column
 from hpop.criteria.base import criterion
+from hpop.errors import ModelError
 from hpop.motions import Motions, States
 from hpop.planners import Lattice
 from hpop.problems.problem import Problem
@@ -120,6 +121,19 @@ def test_random_walks(seed: int) -> None:
     )
     case = SpeedCase(people, hold=(None, 1.0)[seed % 3 > 0], goal=(int(rng.integers(2, 4)), int(rng.integers(2))))
     check(replace(case, ticks=25 if case.hold else 27))
+
+
+@dataclass(frozen=True)
+class Paced(hpop.DifferentialDrive):
+    """A robot with two turn rates whose author forgot the speeds."""
+
+    speed_classes = ()
+
+
+def test_several_turn_rates_without_speeds_are_refused_among_people() -> None:
+    case = RateCase((person(0.8, 0.65, 0.0, -0.4),), robot=RATED._replace(model=Paced(turn_rates=(SLOW, FAST))))
+    with pytest.raises(ModelError, match="has paces, so among people who move it needs speed_classes"):
+        case.front()
 
 
 def test_known_plans_with_slow_turns_are_options_at_once() -> None:
