@@ -32,7 +32,16 @@ from hpop.runtime.page_server import LOCAL, PageServer, body, same
 from hpop.study.answers import Ledger
 from hpop.study.conditions import FILE, PEOPLE
 from hpop.study.design import Design
-from hpop.study.documents import ANSWERS, locked_for_changes, read_bytes, release, serve_alone, write_bytes
+from hpop.study.documents import (
+    ANSWERS,
+    Words,
+    locked_for_changes,
+    read_bytes,
+    release,
+    serve_alone,
+    words,
+    write_bytes,
+)
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 MOST_BODY = 16_384
@@ -46,7 +55,7 @@ KEYS = {"design", "tab", "device"}
 """Keys of the JSON object that a page sends; "event" is optional."""
 LONGEST_TAB = 64
 PAGE = """<!doctype html>
-<html lang="en">
+<html lang="{language}">
 <head>
 <meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -246,10 +255,19 @@ class StudyServer(PageServer):
         """Return the response to a refused request: a readable page for GET, JSON for a POST by a page's script."""
         if method == "POST":
             return JSONResponse({"error": reason, "why": why}, status)
-        words = html.escape(f"The study's computer says: {reason}.")
-        advice = "<p>Please call the person who runs the study.</p>"
-        page = PAGE.format(title="There is no session here", said=words, rest=advice)
+        language, texts = self._texts()
+        about = html.escape(texts["nowhere_about"].format(reason=reason))
+        call = f"<p>{html.escape(texts['nowhere_call'])}</p>"
+        page = PAGE.format(language=language, title=html.escape(texts["nowhere_title"]), said=about, rest=call)
         return HTMLResponse(page.encode(errors="backslashreplace"), status)
+
+    def _texts(self) -> tuple[str, Words]:
+        """Return the language of the study, and its texts; English if the design or its texts cannot be read."""
+        try:
+            language = self.study.design.language
+            return language, words(language, self.study.folder)
+        except HpopError:
+            return "en", words("en")
 
     def _owner(self, token: str) -> str | None:
         """Return the id of the participant who owns a token; None if there is none."""
@@ -286,7 +304,7 @@ class StudyServer(PageServer):
         names = [person.id for person in self.study.design.expected]
         links = " ".join(f'<a href="{self.address_of(name)}">{html.escape(name)}</a>' for name in names)
         said = "A page for each participant. schedule.csv says who is next."
-        return PAGE.format(title="Sessions", said=said, rest=f"<nav>{links}</nav>")
+        return PAGE.format(language="en", title="Sessions", said=said, rest=f"<nav>{links}</nav>")
 
     def _stimulus(self, request: Request) -> Response:
         """Return a stimulus file, or the requested range of a video."""

@@ -58,7 +58,8 @@ class Client:
 @pytest.fixture(scope="module")
 def made(front: hpop.Front, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, study.Design]:
     folder = tmp_path_factory.mktemp("served")
-    design = study.Design.of(front, ["knee", "least turns"], participants=4, consent=CONSENT, forms=("comfort",))
+    rows = ["knee", "least turns"]
+    design = study.Design.of(front, rows, participants=4, consent=CONSENT, forms=("comfort",), language="fi")
     design.save(folder)
     study.save_stimuli(hpop.Problem.from_description(front.problem or {}), front, design.conditions, folder / "stimuli")
     return folder, design
@@ -196,7 +197,7 @@ def test_ids_and_files_that_are_none_of_the_study_are_not_found(client: Client, 
     for path in ("/p05", "/Ada", "/../design.json", "/design.json", "/answers/p01.json", "/stimuli/secret.html"):
         assert client.ask("GET", path).status == 404, path
     assert (
-        b"<p>The study&#x27;s computer says: the study has no such participant.</p>" in client.ask("GET", "/p05").body
+        b"<p>Tutkimuksen tietokone ilmoittaa: the study has no such participant.</p>" in client.ask("GET", "/p05").body
     )
     for who in ("p05", "../p01", "Ada", ""):
         assert client.post(who=who).status == 404, who
@@ -261,3 +262,10 @@ def test_a_study_is_served_once(folder: Path, tmp_path: Path) -> None:
     with StudyServer(folder), pytest.raises(StudyError, match="is served already, by another"):
         StudyServer(folder)
     StudyServer(folder).server_close()  # whoever held it has ended
+
+
+def test_a_wrong_address_is_told_in_the_language_of_the_study(client: Client) -> None:
+    reply = client.ask("GET", "/p99")
+    assert reply.status == 404
+    assert '<html lang="fi">' in reply.body.decode()
+    assert "Kutsu tutkija paikalle." in reply.body.decode()
