@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -18,7 +18,7 @@ from hpop.base.text import argument, counted
 from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, preregister, report, score
 from hpop.cli.terminal import Commands, echo, imports_option, listed, user_errors
-from hpop.errors import StudyError
+from hpop.errors import HpopError, StudyError
 from hpop.runtime import status
 from hpop.runtime.status import Progress
 
@@ -58,6 +58,19 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
             )
         found[name] = levels.split(",")
     return found
+
+
+def _factors(context: click.Context, option: click.Parameter, given: Sequence[str]) -> dict[str, list[str | float]]:
+    """Parse the values NAME=LEVEL,LEVEL of --factor; return the levels by name, those that are numbers as numbers."""
+    return {name: [_number(level) for level in levels] for name, levels in _strata(context, option, given).items()}
+
+
+def _number(text: str) -> str | float:
+    """Return a text as a number if it is one."""
+    try:
+        return float(text)
+    except ValueError:
+        return text
 
 
 @study.command()
@@ -115,6 +128,16 @@ def _strata(context: click.Context, option: click.Parameter, given: Sequence[str
 @click.option("--rest", type=float, default=180.0, metavar="S", help="Least rest between stimuli. [180]")
 @click.option("--video", is_flag=True, help="Show 360 degree videos in your own player instead of rides in the page.")
 @click.option(
+    "--factor",
+    "factors",
+    multiple=True,
+    metavar="NAME=A,B",
+    callback=_factors,
+    help="Factor beside the rows, with its levels: cue, latency, restrictor or setting, as in latency=0,0.5. "
+    "Repeatable.",
+)
+@click.option("--tasks", type=click.Path(path_type=Path), metavar="FILE", help="Tasks during each ride, in YAML.")
+@click.option(
     "--language", default="en", metavar="CODE", help="Language of the pages: en, de, fi, or that of --words. [en]"
 )
 @click.option("--words", type=click.Path(path_type=Path), metavar="FILE", help="Texts of the pages in that language.")
@@ -135,6 +158,8 @@ def init(
     comparisons: bool,
     rest: float,
     video: bool,
+    factors: dict[str, list[str | float]],
+    tasks: Path | None,
     language: str,
     words: Path | None,
     seed: int,
@@ -159,7 +184,8 @@ def init(
             forms=forms,
             comparisons=comparisons,
             kind="video" if video else "ride",
-            protocol=hpop.study.Protocol(rest_s=rest),
+            factors=factors,
+            protocol=hpop.study.Protocol(rest_s=rest, tasks=_tasks(tasks)),
             language=language,
             seed=seed,
         )
@@ -176,17 +202,20 @@ def init(
 @folder_argument
 @click.option("--port", type=click.IntRange(0, 65535), default=PORT, metavar="N", help=f"Port to serve on. [{PORT}]")
 @click.option("--network", is_flag=True, help="Serve headsets in the network too, over https: needs hpop[serve].")
+@click.option("--lsl", is_flag=True, help="Send each event as a marker of Lab Streaming Layer: needs hpop[lab].")
 @user_errors
-def serve(folder: Path, port: int, network: bool) -> None:
+def serve(folder: Path, port: int, network: bool, lsl: bool) -> None:
     """Serve the pages to participants, and save each answer.
 
     Runs until Ctrl-C. Pages are served to this machine, and to a headset on a cable after `adb reverse`; with --network
     also to other machines.
     """
+    from hpop.study.markers import Markers
     from hpop.study.server import StudyServer, token_of
 
     serving = cli.serving
-    hpop.study.Design.load(folder)  # refuses a folder that is no study
+    design = hpop.study.Design.load(folder)  # refuses a folder that is no study
+    markers = Markers(design.digest) if lsl else None
     here = serving.own_address() if network else serving.LOCAL
     certificate = serving.certificate_for(here) if network else None
     with StudyServer(
@@ -197,6 +226,7 @@ def serve(folder: Path, port: int, network: bool) -> None:
         token=token_of(folder),
         secured=None if certificate is None else serving.context_of(certificate),
         tell=lambda said: echo(f"error: {said}", err=True),
+        markers=markers,
     ) as server:
         serving.serve_headsets(server, certificate, f"sessions, until Ctrl-C: {server.address(here)}")
         echo("no longer served; every answer that a page called saved is in answers/")
@@ -335,6 +365,16 @@ def _rows(
             f"--count is the number of all stimuli: expected {max(2, len(named) + len(views))} or more, got {several}"
         )
     return [*hpop.study.pick(front, several - len(views), always=named, by=by or "costs", share=share), *views]
+
+
+def _tasks(path: Path | None) -> Any:
+    """Return the tasks in a YAML file, {} without one; StudyError if it cannot be read."""
+    from hpop.scenario.yaml_lines import Document
+
+    try:
+        return {} if path is None else Document(path).values
+    except HpopError as error:
+        raise StudyError(str(error)) from None
 
 
 def _consent(path: Path) -> str:

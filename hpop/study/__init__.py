@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from hpop.study.answers import Choice as Choice
     from hpop.study.conditions import Baseline as Baseline
     from hpop.study.conditions import Condition as Condition
-    from hpop.study.conditions import Protocol as Protocol
     from hpop.study.conditions import pick as pick
     from hpop.study.design import Design as Design
     from hpop.study.documents import front_digest as front_digest
@@ -39,8 +38,10 @@ if TYPE_CHECKING:
     from hpop.study.page import session_page as session_page
     from hpop.study.participants import Participant as Participant
     from hpop.study.preregister import preregistration as preregistration
+    from hpop.study.protocol import Protocol as Protocol
     from hpop.study.statistics import Power as Power
     from hpop.study.statistics import power as power
+    from hpop.study.tasks import dwell as dwell
 
 _HOMES = homes_of(__name__)
 __all__ = [name for name, home in _HOMES.items() if home]

@@ -19,7 +19,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of
 from hpop.base.text import counted, shown
 from hpop.errors import StudyError
-from hpop.study import documents
+from hpop.study import documents, tasks
 from hpop.study.design import Design
 from hpop.study.documents import Contents, TableColumn, csv_bytes, sqlite_bytes, write_bytes
 from hpop.study.forms import Form, score
@@ -164,6 +164,8 @@ class Answers:
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
         """Return the choices of one participant, or of all, as rows of the front, without pairs with a baseline.
 
+        Pairs whose factors differ are left out too.
+
         ``question`` is the id of the question about pairs, such as "prefer" or "comfort". Raises StudyError for an
         unknown question, or a participant without answers.
         """
@@ -174,6 +176,7 @@ class Answers:
                 f"{', '.join(self.people) or 'none'}"
             )
         rows = {one.id: one.row for one in self.design.conditions if one.row is not None}
+        levels = {one.id: one.factors for one in self.design.conditions}
         return [
             Choice(
                 session.person.id, rows[one.first], rows[one.second], None if one.chosen is None else rows[one.chosen]
@@ -182,6 +185,7 @@ class Answers:
             if participant in (None, session.person.id)
             for one in session.comparisons
             if one.question == question and {one.first, one.second} <= rows.keys()
+            if levels[one.first] == levels[one.second]
         ]
 
     @property
@@ -250,6 +254,7 @@ class Answers:
 
         Returns their paths. The tables hold ids, letters, names of items and numbers, but no text written by
         participants. A JSON file beside each CSV file describes its columns.
+        A study with tasks or videos also has tasks.csv, samples.csv and measures.csv (:mod:`hpop.study.tasks`).
         """
         target = Path(folder)
         tables = dict(zip(("answers", "scores", "choices"), self._contents(), strict=True))
@@ -262,7 +267,7 @@ class Answers:
         remarks = [(session.person.id, *remark) for session in self.sessions for remark in session.remarks]
         columns = [TableColumn("participant", "TEXT"), TableColumn("place", "INTEGER"), TableColumn("remark", "TEXT")]
         write_bytes(target / REMARKS, csv_bytes(Contents(columns, remarks)))
-        return [target / name for name in (*CSV, SQLITE, REMARKS)]
+        return [*(target / name for name in (*CSV, SQLITE, REMARKS)), *tasks.save_tables(self, target)]
 
     def _contents(self) -> tuple[Contents, Contents, Contents]:
         """Return the tables of answers, scores and choices."""
@@ -382,7 +387,7 @@ class Ledger:
             raise StudyError(f"a session has at most {MOST_EVENTS:,} events, and this one is full")
         longer = {**stored, "device": dict(device), "events": [*events, dict(event)]}
         checked = documents.validated("what was sent", longer, AnswersFile, WHAT)
-        Session.of(checked, self.design)
+        tasks.check_watched(Session.of(checked, self.design), self.design)
         if len(checked.events) > 1 and checked.events[-1].t <= checked.events[-2].t:
             raise StudyError(
                 f"events must rise in time, got {checked.events[-1].t:g} s after {checked.events[-2].t:g} s"

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import string
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -17,14 +17,16 @@ from pydantic import Field, StringConstraints
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of, real, whole
-from hpop.base.text import HARMFUL, counted, printable
+from hpop.base.text import counted, printable
 from hpop.errors import StudyError
 from hpop.frontier.choosing import farthest, scaled
 from hpop.motions.bodies import check_body
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows
 from hpop.study.documents import StrictObject, read
+from hpop.study.factors import SETTINGS, Level, Levels, crossed
 from hpop.study.participants import ID, MOST, MOST_STIMULI, Departure
+from hpop.study.protocol import WATCHED
 from hpop.trajectories.trajectory import Trajectory
 
 VIEW = "view"
@@ -32,6 +34,8 @@ VIEW = "view"
 LIVE = "live"
 """Name that stands for a live session, which the participant drives, in place of a row of the front."""
 KINDS = ("ride", "video")
+ROBOT = "robot"
+"""Kind of a trajectory that a real robot drives, shown by the researcher's own equipment."""
 OWN_KINDS = (VIEW, LIVE)
 """Conditions that are no trajectories."""
 ENDINGS = {"ride": "html", "video": "mp4", VIEW: "html"}
@@ -59,9 +63,11 @@ class Condition:
     id        "A", "B", ...: assigned at random, so that it does not reveal the row
     row       row of the front; None for the still view (what the camera sees at the start), a live session, a baseline
     name      name by which the row was chosen, such as "knee", "" for a number; name of a baseline; else the kind
-    kind      "ride", "video", "view" for the still view, or "live" for a live session, which the participant drives
+    kind      "ride", "video", "robot" for a real robot, "view" for the still view, or "live" for a live session, which
+              the participant drives
     costs     by criterion; empty for the still view and a live session
     duration  s, of the executed motion; for the still view and a live session the mean of the others
+    factors   level by factor, such as {"latency": 0.5}; {} if the study has no factors
     """
 
     id: str
@@ -70,13 +76,23 @@ class Condition:
     kind: str
     costs: Mapping[str, float]
     duration: float
+    factors: Mapping[str, Level] = field(default_factory=dict)
 
     @property
     def stimulus(self) -> str:
-        """Return the path of the stimulus file, relative to the folder of the study; "" for a live session."""
-        return "" if self.kind == LIVE else f"stimuli/{self.id}.{ENDINGS[self.kind]}"
+        """Return the path of the stimulus file, relative to the folder of the study; "" for a live one."""
+        return f"stimuli/{self.id}.{ENDINGS[self.kind]}" if self.kind in ENDINGS else ""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the condition as a dict for JSON, without factors if it has none."""
+        return {name: value for name, value in asdict(self).items() if name != "factors" or value}
 
     def __str__(self) -> str:
+        levels = ", ".join(f"{name} {level or 'none'}" for name, level in self.factors.items())
+        return f"{self._row_text()}, {levels}" if levels else self._row_text()
+
+    def _row_text(self) -> str:
+        """Return the row, or another name of the stimulus, as text."""
         if self.row is None:
             known = {VIEW: "the still view", LIVE: "the live session"}
             return known.get(self.kind, f"{printable(self.name)} (baseline)")
@@ -89,16 +105,19 @@ def lettered_conditions(
     kind: str,
     rng: np.random.Generator,
     baselines: Sequence[Baseline] = (),
+    factors: Mapping[str, Sequence[Level]] | None = None,
 ) -> tuple[Condition, ...]:
     """Assign random letters to rows, baselines, the still view and a live session; return them in the order of letters.
 
     rows       rows by number or name; VIEW adds the still view, LIVE a live session
     kind       "ride" or "video", for all stimuli except the still view and the live session
     baselines  further trajectories
+    factors    levels by factor; each combination is shown with each row and each baseline
     """
     found = [_named_row(front, row) for row in rows if row not in OWN_KINDS]
     others = [str(row) for row in rows if row in OWN_KINDS]
-    count = len(found) + len(others) + len(baselines)
+    combinations = crossed(factors or {})
+    count = (len(found) + len(baselines)) * len(combinations) + len(others)
     if len(set(others)) < len(others):
         twice = "still view" if others.count(VIEW) > 1 else "live session"
         raise StudyError(f"the {twice} is named more than once: show it once")
@@ -109,16 +128,25 @@ def lettered_conditions(
     _check_different(found)
     lasts = [row.point.trajectory.execution().duration for row in found]
     letters = iter(rng.permutation(list(string.ascii_uppercase[:count])).tolist())
-    made = [
-        Condition(next(letters), row.number, row.name, kind, dict(row.point.costs), lasts[i])
-        for i, row in enumerate(found)
+    shown_rows: list[tuple[int | None, str, dict[str, float]]] = [
+        (row.number, row.name, dict(row.point.costs)) for row in found
     ]
     for beside in baselines:
         lasts.append(beside.trajectory.execution().duration)
-        made.append(Condition(next(letters), None, beside.name, kind, dict(beside.costs), lasts[-1]))
+        shown_rows.append((None, beside.name, dict(beside.costs)))
+    made = [
+        Condition(next(letters), number, name, _kind(levels, kind), costs, lasts[i], levels)
+        for i, (number, name, costs) in enumerate(shown_rows)
+        for levels in combinations
+    ]
     for name in others:
         made.append(Condition(next(letters), None, name, name, {}, float(np.mean(lasts))))
     return tuple(sorted(made, key=lambda condition: condition.id))
+
+
+def _kind(levels: Levels, kind: str) -> str:
+    """Return the kind of a condition: by its level of the factor "setting", if it has one."""
+    return SETTINGS.get(str(levels.get("setting")), kind)
 
 
 def _named_row(front: Front, row: int | str | NamedRow) -> NamedRow:
@@ -266,9 +294,10 @@ class ConditionPart(StrictObject):
     id: Letter
     row: Annotated[int, Field(ge=0)] | None
     name: Short
-    kind: Literal["ride", "video", "view", "live"]
+    kind: Literal["ride", "video", "view", "live", "robot"]
     costs: Annotated[dict[Short, float], Field(max_length=100)]
     duration: Annotated[float, Field(gt=0)]
+    factors: Annotated[dict[Short, Short | float | None], Field(default_factory=dict, max_length=10)]
 
 
 class ParticipantPart(StrictObject):
@@ -284,6 +313,8 @@ class ProtocolPart(StrictObject):
 
     rest_s: float
     stop_rule: str
+    watched: float = WATCHED
+    tasks: dict[str, dict[str, float]] = Field(default_factory=dict)
 
 
 class DesignFile(StrictObject):
@@ -316,45 +347,6 @@ class PeopleFile(StrictObject):
     schema_: Annotated[Literal["hpop-study-people"], Field(alias="schema")]
     version: Literal[1]
     left: Annotated[list[DeparturePart], Field(max_length=MOST)]
-
-
-MOST_TEXT = 20_000
-"""Largest number of characters in a text for participants."""
-LONGEST = 3600
-"""Longest rest, s."""
-STOP_RULE = (
-    "You may stop at any time, without a reason and without disadvantage. Stop at once if you feel unwell: you need "
-    "not wait for the end of a ride."
-)
-
-
-@checked_arguments
-@dataclass(frozen=True)
-class Protocol:
-    """Rules of a session between the stimuli.
-
-    rest_s     s, least rest after each stimulus; longer if the participant does not yet feel as before
-    stop_rule  text about stopping; the default is translated to the language of the pages
-    """
-
-    rest_s: float = 180.0
-    stop_rule: str = STOP_RULE
-
-    def __post_init__(self) -> None:
-        rest = real("rest_s", self.rest_s, 0, LONGEST, "a time in s", error=StudyError)
-        object.__setattr__(self, "rest_s", float(rest))
-        checked_text("the stop rule", self.stop_rule)
-
-
-def checked_text(what: str, text: object) -> str:
-    """Return a text for participants; raise StudyError if it is empty, too long, or has control characters."""
-    if not isinstance(text, str) or not text.strip():
-        raise StudyError(f"{what} is empty: write what participants read, and agree to, before they begin")
-    if len(text) > MOST_TEXT:
-        raise StudyError(f"{what} has {len(text):,} characters; expected at most {MOST_TEXT:,}")
-    if harmful := HARMFUL.search(text.replace("\n", " ").replace("\t", " ")):
-        raise StudyError(f"{what} has a control character, {harmful[0]!a}; write plain text")
-    return text
 
 
 def departures(path: Path) -> tuple[Departure, ...]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import os
 import string
 from collections.abc import Mapping, Sequence
@@ -35,13 +33,12 @@ from hpop.study.conditions import (
     Baseline,
     Condition,
     DesignFile,
-    Protocol,
-    checked_text,
     departures,
     lettered_conditions,
     unlike,
 )
 from hpop.study.documents import front_digest
+from hpop.study.factors import Level
 from hpop.study.forms import Form, form_file
 from hpop.study.participants import (
     MOST,
@@ -52,9 +49,11 @@ from hpop.study.participants import (
     checked_strata,
     enrolled,
     participant_id,
+    schedule_csv,
     sequences,
     uneven,
 )
+from hpop.study.protocol import Protocol, check_fits, checked_text, schedule
 
 SCHEMA, VERSION = "hpop-study", 1
 FORM_SCHEMA = "hpop-form"
@@ -103,6 +102,7 @@ class Design:
         comparisons: bool = True,
         baselines: Sequence[Baseline] = (),
         kind: str = "ride",
+        factors: Mapping[str, Sequence[Level]] | None = None,
         protocol: Protocol | None = None,
         language: str = "en",
         seed: int = 0,
@@ -125,7 +125,9 @@ class Design:
         comparisons : whether pairs of stimuli are compared at the end of the session
         baselines : trajectories that are not on the front; give :func:`hpop.study.prepare` the same ones
         kind : "ride" (pages) or "video" (360 degrees, for a headset's own player)
-        seed : seed of the random letters, orders and pairs
+        factors : levels by factor, such as {"latency": (0, 0.5)}; each combination is a condition of each row. Factors
+            are "cue", "latency", "restrictor" and "setting"; None is a level without cue or restrictor
+        seed : seed of the random letters, orders, pairs and schedules of tasks
 
         Raises StudyError for an impossible design, UnknownName for an unknown name of a row.
         """
@@ -138,7 +140,7 @@ class Design:
         if comparisons and not any(form.kind == "pairs" for form in questionnaires):
             questionnaires.append(Form.load(PAIRS))
         rng = np.random.default_rng(seed)
-        conditions = lettered_conditions(front, rows, kind, rng, baselines)
+        conditions = lettered_conditions(front, rows, kind, rng, baselines, factors)
         letters = [condition.id for condition in conditions]
         dealt = sequences(order, letters, participants, rng)
         return cls(
@@ -171,7 +173,7 @@ class Design:
                 conditions=tuple(Condition(**dict(each)) for each in stored.conditions),
                 enrolled=tuple(Participant(each.id, tuple(each.order), each.strata) for each in stored.participants),
                 questionnaires=tuple(Form.from_dict(each) for each in stored.forms),
-                protocol=Protocol(stored.protocol.rest_s, stored.protocol.stop_rule),
+                protocol=Protocol(**dict(stored.protocol)),
                 consent=stored.consent,
                 language=stored.language,
                 seed=stored.seed,
@@ -197,7 +199,7 @@ class Design:
         if self.left:
             left = [asdict(departure) for departure in self.left]
             documents.write(target / PEOPLE, {"schema": PEOPLE_SCHEMA, "version": VERSION, "left": left})
-        documents.write_bytes(target / SCHEDULE, self._schedule().encode())
+        documents.write_bytes(target / SCHEDULE, schedule_csv(self.participants, self.left).encode())
 
     def __post_init__(self) -> None:
         checked_text("the consent text", self.consent)
@@ -205,6 +207,7 @@ class Design:
             raise StudyError(
                 f"stimuli must be called A, B, ..., each once and in this order, got {', '.join(self.letters)}"
             )
+        check_fits(self.protocol.options, self.conditions)
         for person in self.enrolled:
             if sorted(person.order) != sorted(self.letters):
                 raise StudyError(f"{person.id} must see each stimulus once, got {' '.join(person.order)}")
@@ -358,7 +361,7 @@ class Design:
             "participant": person.id,
             "language": self.language,
             "consent": self.consent,
-            "protocol": asdict(self.protocol),
+            "protocol": {**self.protocol.to_dict(), "watched": self.protocol.watched},
             "forms": {form.id: form.to_dict() for form in self.questionnaires},
             "places": [
                 {
@@ -367,11 +370,24 @@ class Design:
                     "stimulus": condition.stimulus,
                     "kind": condition.kind,
                     "seconds": round(condition.duration, 1),
+                    **self.scheduled(participant, place),
                 }
                 for place, condition in enumerate(seen, 1)
             ],
             "comparisons": [list(pair) for pair in self.pairs(person.id)],
         }
+
+    def scheduled(self, participant: str, place: int) -> dict[str, Any]:
+        """Return the tasks at a place of a participant's session as {"tasks": ...}, with their times.
+
+        Times are s from the beginning of the stimulus. They differ between participants and places, as the seed says.
+        The result is {} without tasks, and for live stimuli.
+        """
+        condition = self.condition(self.participant(participant).order[place - 1])
+        if not self.protocol.options or not condition.stimulus:
+            return {}
+        rng = np.random.default_rng([self.seed, int(participant[1:]), place])
+        return {"tasks": schedule(self.protocol.options, condition.duration, rng)}
 
     def describe(self) -> dict[str, Any]:
         """Return the contents of design.json, as a dict for JSON."""
@@ -382,9 +398,9 @@ class Design:
             "seed": self.seed,
             "order": self.order,
             "language": self.language,
-            "conditions": [asdict(condition) for condition in self.conditions],
+            "conditions": [condition.to_dict() for condition in self.conditions],
             "participants": [asdict(person) for person in self.enrolled],
-            "protocol": asdict(self.protocol),
+            "protocol": self.protocol.to_dict(),
             "consent": self.consent,
             "forms": [form.to_dict() for form in self.questionnaires],
         }
@@ -398,24 +414,3 @@ class Design:
     def digest(self) -> str:
         """Return the SHA-256 of design.json. Answers contain it, so that they are never read with another design."""
         return sha256(self.document).hexdigest()
-
-    def _schedule(self) -> str:
-        """Return schedule.csv: each participant's order, as letters only, so that the experimenter is blind too."""
-        levels = list(self.enrolled[0].strata)
-        text = io.StringIO()
-        table = csv.writer(text, lineterminator="\n")
-        table.writerow(
-            [
-                "participant",
-                *levels,
-                *(f"place {i}" for i in range(1, len(self.letters) + 1)),
-                "left",
-                "takes the place of",
-            ]
-        )
-        left = {one.participant: "withdrew" if one.withdrawn else "dropped out" for one in self.left}
-        before = {one.successor: one.participant for one in self.left}
-        for person in self.participants:
-            row = [person.strata[level] for level in levels]
-            table.writerow([person.id, *row, *person.order, left.get(person.id, ""), before.get(person.id, "")])
-        return text.getvalue()

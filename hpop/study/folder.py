@@ -21,6 +21,7 @@ from hpop.errors import HpopError, StudyError
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import ProgressCallback
+from hpop.study import tasks
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers, read_sessions
 from hpop.study.conditions import FILE, FRONT, LIVE, OWN_KINDS, PEOPLE, SCHEDULE, Baseline
@@ -228,7 +229,7 @@ def _without_live(answers: Answers) -> list[str]:
 BEGINNING, MOST_READ = 2**20, 2**26
 
 """Number of bytes that are searched for an id: at the beginning of a file of answers, and of any other file."""
-TABLES = (*CSV, SQLITE, REMARKS)
+TABLES = (*CSV, SQLITE, REMARKS, *tasks.TABLES)
 
 
 class Withdrawal(NamedTuple):

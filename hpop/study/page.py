@@ -2,7 +2,8 @@
 
 A stimulus is a page in one file that rides once along an executed trajectory, from rest to rest. It shows the letter of
 its condition, but no other name, number or map, and no controls except the start. It ends by itself, and reports to the
-surrounding page how smoothly it was drawn. Alternatively it is a 360 degree video for a headset's own player.
+surrounding page how smoothly it was drawn. Alternatively it is a 360 degree video, with a page that plays it around the
+viewer; a headset's own player can show it as well.
 
 A session page has consent, forms, rides, rests and comparisons, in one self-contained file. It contains the public part
 of the design, the stimuli, and paths on a map, which are hidden until the participant asks for them. It records events.
@@ -33,8 +34,9 @@ from hpop.frontier.strict_json import parse
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.status import Progress, ProgressCallback, progress_callback
-from hpop.study.conditions import STOP_RULE
-from hpop.study.documents import Words, words
+from hpop.study.documents import STIMULI, Words, words
+from hpop.study.factors import Level, Levels, shown_part
+from hpop.study.protocol import STOP_RULE
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.page import licence, links_of, solids_not_upright, track
 from hpop.view.ride.scene import ViewScene
@@ -53,8 +55,9 @@ class StimulusCondition(Protocol):
 
     id        its letter
     row       row of the front; None for the still view, a live session and baselines
-    kind      "ride", "view", "video", or "live", which has no stimulus
+    kind      "ride", "view", "video", or "live" or "robot", which have no stimulus
     duration  s, of a still view
+    factors   level by factor (:mod:`hpop.study.factors`)
     """
 
     @property
@@ -65,6 +68,8 @@ class StimulusCondition(Protocol):
     def kind(self) -> str: ...
     @property
     def duration(self) -> float: ...
+    @property
+    def factors(self) -> Mapping[str, Level]: ...
 
 
 @checked_arguments
@@ -81,7 +86,8 @@ def save_stimuli(
 ) -> dict[str, Path]:
     """Write the stimulus of each condition to a folder, created if missing, and return the files by letter.
 
-    Rides and the still view are pages, ``A.html``; 360 degree videos are ``A.mp4``, and need hpop[video].
+    Each stimulus is a page, ``A.html``; 360 degree videos also have ``A.mp4``, which the page plays, and need
+    hpop[video].
 
     Parameters
     ----------
@@ -94,7 +100,7 @@ def save_stimuli(
     """
     target, written = Path(folder), dict[str, Path]()
     said = words(language, study)
-    conditions = [condition for condition in conditions if condition.kind != "live"]
+    conditions = [condition for condition in conditions if condition.kind not in ("live", "robot")]
     videos = [condition.id for condition in conditions if condition.kind == "video"]
     for condition in conditions:
         name = condition.id
@@ -104,11 +110,12 @@ def save_stimuli(
         if condition.kind == "video":
             which = f"video {name}, {videos.index(name) + 1} of {len(videos)}:"
             written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", which, progress)
-            continue
         if condition.kind == "view":
             page = view_page(problem, trajectory, name, condition.duration, said=said)
         else:
-            page = ride_page(problem, trajectory, name, said=said)
+            video = f"{STIMULI}/{name}.mp4" if condition.kind == "video" else None
+            levels = dict(condition.factors)
+            page = ride_page(problem, trajectory, name, said=said, levels=levels, video=video)
         path = target / f"{name}.html"
         try:
             target.mkdir(parents=True, exist_ok=True)
@@ -118,7 +125,7 @@ def save_stimuli(
             raise OutputError(
                 f"the stimulus cannot be written to {path}: {error.strerror or error}; choose another folder"
             ) from None
-        written[name] = path
+        written.setdefault(name, path)
     return written
 
 
@@ -154,9 +161,22 @@ def _save_video(
     return path
 
 
-def ride_page(problem: Problem, trajectory: Trajectory, name: str, *, said: Words | None = None) -> str:
-    """Return the HTML of a page that rides along a trajectory once; ``name`` is the condition's letter."""
-    return _page(problem, trajectory, name, track(trajectory), said, is_still=False)
+def ride_page(
+    problem: Problem,
+    trajectory: Trajectory,
+    name: str,
+    *,
+    said: Words | None = None,
+    levels: Levels | None = None,
+    video: str | None = None,
+) -> str:
+    """Return the HTML of a page that rides along a trajectory once; ``name`` is the condition's letter.
+
+    levels  level by factor
+    video   address of a 360 degree video of the ride, which is played in place of the scene; None for the scene
+    """
+    shown_by = {**shown_part(levels or {}, trajectory, still=False), "video": video}
+    return _page(problem, trajectory, name, {**track(trajectory), "shown": shown_by}, said, is_still=False)
 
 
 def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
@@ -190,6 +210,7 @@ def _page(
     scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     texts = words("en") if said is None else said
+    shown_by = ridden.pop("shown", None)
     payload = {
         "schema": STIMULUS_SCHEMA,
         "version": STIMULUS_VERSION,
@@ -200,6 +221,7 @@ def _page(
         "links": links_of(trajectory.model, trajectory.states),
         "field_of_view": None if fov is None else list(fov),
         "track": {"name": name, "label": "", "rates": None, "costs": [], **ridden},
+        "shown": shown_by,
         "words": {key: texts[key] for key in SAID},
         "licence": licence(),
     }
@@ -255,15 +277,16 @@ class Rides(NamedTuple):
 
 
 def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
-    """Read the stimulus pages (rides and still view) in a study's folder.
+    """Read the stimulus pages in a study's folder; a video need not have one.
 
     Raises StudyError for a file that is missing, is not a stimulus of hpop, has another letter, or was made by another
     version of hpop than the others.
     """
     found: dict[str, Ride] = {}
     for place in public["places"]:
-        if place["kind"] not in ("video", "live"):
-            found[place["condition"]] = _ride(folder / place["stimulus"], place["condition"])
+        page = (folder / place["stimulus"]).with_suffix(".html")
+        if place["kind"] in ("ride", "view") or (place["kind"] == "video" and page.is_file()):
+            found[place["condition"]] = _ride(page, place["condition"])
     bundles = {ride.bundle for ride in found.values()}
     if len(bundles) > 1:
         raise StudyError(f"stimuli in {folder} were made by different versions of hpop; make all of them again")

@@ -12,6 +12,8 @@ evenly over the stimuli:
 
 from __future__ import annotations
 
+import csv
+import io
 import math
 import re
 from collections import Counter
@@ -292,3 +294,17 @@ def _check_permuted(count: int, participants: int) -> None:
             f"order 'permutations' of {count} stimuli needs a multiple of {counted(every, 'participant')}, got "
             f"{participants:,}: take {near}, or another order"
         )
+
+
+def schedule_csv(people: Sequence[Participant], left: Sequence[Departure]) -> str:
+    """Return schedule.csv: each participant's order, as letters only, so that the experimenter is blind too."""
+    text = io.StringIO()
+    table = csv.writer(text, lineterminator="\n")
+    places = [f"place {i}" for i in range(1, len(people[0].order) + 1)]
+    table.writerow(["participant", *people[0].strata, *places, "left", "takes the place of"])
+    gone = {one.participant: "withdrew" if one.withdrawn else "dropped out" for one in left}
+    before = {one.successor: one.participant for one in left}
+    for person in people:
+        row = [person.strata[level] for level in people[0].strata]
+        table.writerow([person.id, *row, *person.order, gone.get(person.id, ""), before.get(person.id, "")])
+    return text.getvalue()

@@ -42,6 +42,7 @@ from hpop.study.documents import (
     words,
     write_bytes,
 )
+from hpop.study.markers import Markers
 from hpop.study.page import MOST_BYTES, Rides, rides_of, session_page
 
 MOST_BODY = 16_384
@@ -52,7 +53,7 @@ TOKEN, TOKEN_BYTES, MOST_TOKEN = "token", 9, 100
 TOKEN_LETTERS = 12
 """Length of a participant's token."""
 KEYS = {"design", "tab", "device"}
-"""Keys of the JSON object that a page sends; "event" is optional."""
+"""Keys of the JSON object that a page sends; "event", and "now", the page's own time in ms, are optional."""
 LONGEST_TAB = 64
 PAGE = """<!doctype html>
 <html lang="{language}">
@@ -89,10 +90,12 @@ class Study:
 
     folder  folder of the study
     tabs    by participant, the browser window that may record: the last one opened
+    markers stream of Lab Streaming Layer to which each new event is sent; None for none
     """
 
     folder: Path
     tabs: dict[str, str] = field(default_factory=dict)
+    markers: Markers | None = None
     _lock: Lock = field(default_factory=Lock)
     _known: tuple[tuple[int, ...], Design] | None = None
     _rides: tuple[tuple[int, ...], Rides] | None = None
@@ -127,7 +130,7 @@ class Study:
         Returns whether the event is new; or, when a session is opened, all events so far. Raises Refusal if the session
         has since been opened in another window, or the request is invalid.
         """
-        if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event"}:
+        if not isinstance(sent, dict) or not KEYS <= sent.keys() <= {*KEYS, "event", "now"}:
             raise Refusal(
                 HTTPStatus.BAD_REQUEST, "expected an object of design, tab, device, and of an event if there is one"
             )
@@ -150,7 +153,10 @@ class Study:
                 raise Refusal(HTTPStatus.CONFLICT, "the session has since been opened in another window", "elsewhere")
             if not isinstance(event, dict):
                 raise Refusal(HTTPStatus.BAD_REQUEST, "expected an object as event")
-            return {"added": ledger.add(event, sent["device"])}
+            added = ledger.add(event, sent["device"])
+        if added and self.markers is not None:
+            self.markers.push(participant, event, sent.get("now"))
+        return {"added": added}
 
     def _with(self, participant: str) -> Design:
         """Return the design; Refusal if it has no such participant, or the participant withdrew."""
@@ -174,6 +180,7 @@ class StudyServer(PageServer):
         and the id, and is the first part of the address of the participant's page
     secured : context that encrypts the connections
     tell : called with messages for the experimenter, such as that answers cannot be written
+    markers : stream to which each event is sent as a marker (:class:`hpop.study.markers.Markers`)
 
     Raises StudyError if the folder has no study, lacks stimuli or is served already, OutputError if the port is taken.
     """
@@ -188,8 +195,9 @@ class StudyServer(PageServer):
         token: str = "",
         secured: ssl.SSLContext | None = None,
         tell: Callable[[str], None] | None = None,
+        markers: Markers | None = None,
     ) -> None:
-        self.study = Study(Path(folder))
+        self.study = Study(Path(folder), markers=markers)
         self.tell = tell
         self.study.page(self.study.design.expected[0].id)  # reports faults now, not to the first participant
         answers = self.study.folder / ANSWERS

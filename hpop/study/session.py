@@ -22,6 +22,7 @@ from hpop.study.design import Design
 from hpop.study.documents import StrictObject, read
 from hpop.study.forms import Form
 from hpop.study.participants import Participant
+from hpop.study.tasks import check_event
 
 SCHEMA, VERSION = "hpop-answers", 1
 MOST_BYTES = 8 * 1024**2
@@ -39,7 +40,7 @@ NONE = "none"
 WORD = re.compile(r"[a-z][a-z_]{0,39}")
 
 Kind = Literal[
-    "consent", "start", "stimulus", "answer", "compare", "remark", "pause", "stop", "resume", "end", "frames"
+    "consent", "start", "stimulus", "answer", "compare", "remark", "pause", "stop", "resume", "end", "frames", "task"
 ]
 Key = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_]{0,39}$")]
 Letter = Annotated[str, StringConstraints(pattern=r"^[A-Z]$")]
@@ -57,7 +58,8 @@ class SessionEvent(StrictObject):
                after the last; None for events that belong to no place
     condition  letter of the stimulus at this place
     value      of "answer" a number, or None if taken back; of "compare" {"question", "pair", "chosen"};
-               of "remark" text; of "frames" numbers by name; of others None, true, a number or a word
+               of "remark" text; of "frames" numbers by name; of "task" those and "samples"; of others
+               None, true, a number or a word
     """
 
     t: Annotated[float, Field(ge=0, le=1e7)]
@@ -123,7 +125,7 @@ class Video(NamedTuple):
     """Last showing of a video that a participant reported as ended.
 
     condition  letter of the video
-    played     whether the page played all of it
+    played     whether the page played as much of it as the protocol asks for
     took       s, from its reported beginning to its reported end
     lasts      s, duration of the video
     """
@@ -248,21 +250,28 @@ class Session:
     def videos(self, design: Design) -> list[Video]:
         """Return the videos that the participant reported as ended."""
         lasts = {one.id: one.duration for one in design.conditions if one.kind == "video"}
-        begun: dict[str, float] = {}
+        least, begun = design.protocol.watched, dict[str, float]()
+        shares = dict[str, float]()
         played: set[str] = set()
         found: dict[str, Video] = {}
         for event in self.events:
-            if event.kind != "stimulus" or event.condition is None or event.condition not in lasts:
+            if event.condition is None or event.condition not in lasts:
                 continue
             letter = event.condition
+            if event.kind == "task" and event.item == "watched":
+                shares[letter] = event.value["share"]
+            if event.kind != "stimulus":
+                continue
             if event.value == "begin":
                 begun[letter] = event.t
+                shares.pop(letter, None)
                 played.discard(letter)
             elif event.value == PLAYED:
                 played.add(letter)
             elif event.value == "end":
                 took = event.t - begun.get(letter, event.t)
-                found[letter] = Video(letter, letter in played, took, lasts[letter])
+                is_played = letter in played and shares.get(letter, 1.0) >= least
+                found[letter] = Video(letter, is_played, took, lasts[letter])
         return list(found.values())
 
     def _has(self, kind: str) -> bool:
@@ -339,6 +348,8 @@ def _check_value(design: Design, event: SessionEvent, *, stopped: bool) -> None:
             named = isinstance(value, dict) and len(value) <= MOST_KEYS and all(map(WORD.fullmatch, value))
             if not named or not all(map(_is_number, value.values())):
                 raise StudyError(f"expected numbers of frames by name, got {shown(value)}")
+        case "task":
+            check_event(design.protocol.options, event)
         case kind:
             word = isinstance(value, str) and WORD.fullmatch(value)
             if not (value is None or word or isinstance(value, bool) or _is_number(value)):

@@ -15,6 +15,7 @@ from playwright.sync_api import Browser, FrameLocator, Page, expect
 
 import hpop
 from hpop import study
+from hpop.study.page import ride_page
 from hpop.study.server import StudyServer
 from tests.browser.rides import front_of, problem_of
 
@@ -44,8 +45,11 @@ def small_study(folder: Path, *forms: str, kind: str = "ride") -> study.Design:
         study.save_stimuli(problem, front, design.conditions, folder / "stimuli")
         return design
     for condition in design.conditions:
-        (folder / condition.stimulus).parent.mkdir(exist_ok=True)
-        (folder / condition.stimulus).write_bytes(bytes(1))
+        file = folder / condition.stimulus
+        file.parent.mkdir(exist_ok=True)
+        file.write_bytes(bytes(1))
+        ridden = front.trajectories[condition.row or 0]
+        file.with_suffix(".html").write_text(ride_page(problem, ridden, condition.id, video=condition.stimulus))
     return design
 
 

@@ -7,8 +7,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import av
-import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
@@ -329,42 +327,6 @@ def test_videos_are_seen_elsewhere_and_their_names_are_asked_about(enter: Enter,
     told = [(event["condition"], event["value"]) for event in events(tmp_path) if event["kind"] == "stimulus"]
     assert told == [(first, "begin"), (first, "end"), (second, "begin"), (second, "broken")]
     assert [(row.condition, row.value) for row in study.Answers.load(tmp_path).table] == [(first, 7), (second, 2)]
-
-
-def filmed(path: Path, seconds: float) -> None:
-    """Write a video of a grey that becomes lighter."""
-    with av.open(str(path), "w") as file:
-        stream = file.add_stream("libx264", rate=10)
-        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
-        for i in range(round(10 * seconds)):
-            frame = av.VideoFrame.from_ndarray(np.full((32, 64, 3), 10 * i % 256, np.uint8), format="rgb24")
-            file.mux(stream.encode(frame))
-        file.mux(stream.encode(None))
-
-
-@pytest.mark.proof
-def test_a_video_counts_as_watched_once_all_of_it_was_played(enter: Enter, tmp_path: Path) -> None:
-    """A participant who jumps to the end must watch it again; the answers record that it was played."""
-    design = small_study(tmp_path, "comfort", kind="video")
-    for condition in design.conditions:
-        filmed(tmp_path / condition.stimulus, 1.5)
-    first = design.participant("p01").order[0]
-    with served(tmp_path) as server:
-        someone = enter(f"{server.address()}p01")
-        someone.agree()
-        player = someone.page.locator("video")
-        player.evaluate("v => new Promise((is) => v.readyState > 0 ? is() : v.addEventListener('loadedmetadata', is))")
-        player.evaluate("v => { v.currentTime = v.duration - 0.3; }")
-        someone.press("Play the video here")
-        expect(someone.page.get_by_role("alert").filter(has_text="A part of the video was not shown")).to_be_visible()
-        assert someone.heading() == f"Video {first}"
-        someone.press("Play the video here")
-        expect(someone.page.locator("h1")).to_have_text("How comfortable was this ride?")
-        expect(someone.page.locator("header .saved")).to_have_text("Saved")
-    told = [event["value"] for event in events(tmp_path) if event["kind"] == "stimulus"]
-    assert told == ["begin", "broken", "begin", "played", "end"]
-    (session,) = study.Answers.load(tmp_path).sessions
-    assert [(video.condition, video.played) for video in session.videos(design)] == [(first, True)]
 
 
 @pytest.mark.proof

@@ -191,12 +191,25 @@ export function whereIs(person: Person, t: number): Vector | null {
   return before === undefined ? null : [before[1], before[2], before[3]];
 }
 
+export interface Shown {
+  /** s by which the view lags */
+  readonly latency: number;
+  /** Degrees of view while it turns at a radian a second or more; null if the view is not restricted. */
+  readonly restrictor: number | null;
+  /** Announcements of turns: when one appears, when the turn begins, s, and the side. */
+  readonly cues: readonly (readonly [number, number, "left" | "right"])[];
+  /** Address of a video that is played in place of the scene. */
+  readonly video: string | null;
+}
+
 /** A stimulus of a study, `hpop-stimulus` version 1: hpop/study/page.py writes it. It holds no name but its letter. */
 export interface Stimulus extends Surroundings {
   readonly name: string;
   /** Whether nothing moves: the view from the start, at rest. */
   readonly still: boolean;
   readonly track: TrackData;
+  /** How the ride is shown, by the factors of the study; null or absent for the still view. */
+  readonly shown?: Shown | null;
   /** Texts of the page, by name; placeholders are written {seconds}. */
   readonly words: Readonly<Record<string, string>>;
 }

@@ -8,6 +8,7 @@ import {
   Quaternion,
   Scene,
   ShaderMaterial,
+  Vector2,
   Vector3,
   WebGLRenderer,
 } from "three";
@@ -24,6 +25,9 @@ const LEAST_WIDE = 1.15;
 /** s from black to the full view, and back. */
 export const FADE = 0.5;
 const OVERLAY = 0.05;
+/** Angle of view, rad, at which a restrictor begins to narrow it, and rad/s at which it is narrowest. */
+const WIDE = (110 / 180) * Math.PI;
+const FAST = 1;
 
 const COVER_VERTEX = /* glsl */ `
 varying vec2 vUv;
@@ -35,9 +39,10 @@ void main() {
 const COVER = /* glsl */ `
 uniform float dark;
 uniform float narrow;
+uniform vec2 rim;
 varying vec2 vUv;
 void main() {
-  float edge = narrow * smoothstep(0.06, 0.16, length(vUv));
+  float edge = narrow * smoothstep(rim.x, rim.y, length(vUv));
   gl_FragColor = vec4(0.0, 0.0, 0.0, max(dark, edge));
 }
 `;
@@ -72,7 +77,7 @@ export class Stage {
     this.renderer.xr.setReferenceSpaceType("local");
     this.scenery = new Scenery(ride);
     this.cover = new ShaderMaterial({
-      uniforms: { dark: { value: 0 }, narrow: { value: 0 } },
+      uniforms: { dark: { value: 0 }, narrow: { value: 0 }, rim: { value: new Vector2(0.06, 0.16) } },
       vertexShader: COVER_VERTEX,
       fragmentShader: COVER,
       transparent: true,
@@ -118,6 +123,15 @@ export class Stage {
     this.rig.position.copy(positionToThree(eye));
     this.rig.quaternion.copy(cameraToThree(turned));
     if (this.level) levelled(this.rig.quaternion);
+    this.stale = true;
+  }
+
+  /** Narrows the view to an angle of `least` rad while it turns; the angle falls evenly up to a rate of 1 rad/s. */
+  restrict(least: number, rate: number): void {
+    const share = Math.min(rate / FAST, 1);
+    const edge = OVERLAY * Math.tan((WIDE - share * (WIDE - Math.min(least, WIDE))) / 2);
+    (this.cover.uniforms["rim"]!.value as Vector2).set(0.85 * edge, edge);
+    this.narrow = share > 0.02 ? 1 : 0;
     this.stale = true;
   }
 

@@ -4,6 +4,8 @@ import type { Packed, TrackData } from "./model";
 
 /** Distance, m, that counts as equal to turning by a radian, so that a turn in place is progress too. */
 const LEVER = 0.5;
+/** s before and after a moment over which its angular speed is measured */
+const HALF = 0.05;
 
 /** Columns of floats from whole numbers that were differenced twice. */
 export function unpacked({ scale, columns }: Packed): Float64Array[] {
@@ -123,6 +125,16 @@ export class Track {
   /** Speed of the camera at a time, m/s, with half a metre for each radian of turning. */
   pace(t: number): number {
     return this.paces[Math.min(placed(this.times, t)[0], this.paces.length - 1)] ?? 0;
+  }
+
+  /** Angular speed of the camera, rad/s, about a time. */
+  turning(t: number): number {
+    const [a, b] = [new Vector3(), new Vector3()];
+    const [p, q] = [new Quaternion(), new Quaternion()];
+    const [from, to] = [Math.max(t - HALF, 0), Math.min(t + HALF, this.duration)];
+    this.pose(from, a, p);
+    this.pose(to, b, q);
+    return to > from ? p.angleTo(q) / (to - from) : 0;
   }
 
   private measure(): void {

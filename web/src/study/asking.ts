@@ -160,6 +160,35 @@ export function compare(
   return screen;
 }
 
+/** How many tones were heard. */
+export function count({ voice, recorder }: Context, { place, condition }: Place, done: () => void): HTMLElement {
+  const screen = element("section");
+  const label = element("label", "typed");
+  const field = element("input");
+  field.type = "number";
+  field.inputMode = "numeric";
+  [field.min, field.max] = ["0", "999"];
+  label.append(element("span", "unseen", voice.say("count_label")), field);
+  const said = element("p", "said");
+  said.setAttribute("role", "alert");
+  const go = button(voice.say("continue"), "", () => {
+    const value = Number(field.value);
+    if (field.value === "" || !Number.isInteger(value) || value < 0 || value > 999) {
+      said.textContent = voice.say("choose_number", { low: 0, high: 999 });
+      field.focus();
+      return;
+    }
+    recorder.add({ kind: "task", item: "count", place, condition, value: { value } });
+    done();
+  });
+  go.className = "main";
+  go.id = "continue";
+  const row = element("div", "row");
+  row.append(go);
+  screen.append(title(voice.say("count_title")), element("p", "", voice.say("count_about")), label, said, row);
+  return screen;
+}
+
 export function remarks({ voice, design, recorder }: Context, done: () => void): HTMLElement {
   const screen = element("section");
   const label = element("label", "remarks");

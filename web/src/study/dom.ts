@@ -5,7 +5,7 @@ export { button, element } from "../shared/dom";
 
 /** Texts in the language of the study. */
 export class Voice {
-  private readonly words: Session["words"];
+  readonly words: Session["words"];
   readonly language: string;
 
   constructor({ words, form }: Session) {

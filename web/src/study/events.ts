@@ -7,10 +7,10 @@ export interface Compared {
   readonly chosen: string;
 }
 
-export type Value = number | string | boolean | Compared | Readonly<Record<string, number>>;
+export type Value = number | string | boolean | Compared | Readonly<Record<string, number | readonly (readonly number[])[]>>;
 
 export type Kind =
-  | "consent" | "start" | "stimulus" | "frames" | "answer" | "compare" | "remark" | "pause" | "stop" | "resume" | "end";
+  | "consent" | "start" | "stimulus" | "frames" | "task" | "answer" | "compare" | "remark" | "pause" | "stop" | "resume" | "end";
 
 /** An event without its time. Place 0 is before the first stimulus, the last place is after all stimuli. */
 export interface Happening {
@@ -51,9 +51,8 @@ export function device(): Device {
   };
 }
 
-/** A happening with its time, after all events so far. */
-export function dated(happening: Happening, before: readonly Event[]): Event {
-  const now = Date.now();
+/** A happening with its time, ms, after all events so far. */
+export function dated(happening: Happening, before: readonly Event[], now: number): Event {
   const first = before[0];
   const last = before.at(-1);
   let t = 0;

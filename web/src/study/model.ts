@@ -35,10 +35,12 @@ export interface Form {
 export interface Place {
   readonly place: number;
   readonly condition: string;
-  /** A page with a ride, a page with a still view, a video, or a session in which the participant drives. */
-  readonly kind: "ride" | "view" | "video" | "live";
+  /** A ride, a still view or a video, each with a page; a real robot; or a session in which the participant drives. */
+  readonly kind: "ride" | "view" | "video" | "robot" | "live";
   readonly stimulus: string;
   readonly seconds: number;
+  /** Options and times of what is measured meanwhile (web/src/ride/tasks.ts). */
+  readonly tasks?: Readonly<Record<string, unknown>>;
 }
 
 export interface Design {
@@ -46,7 +48,7 @@ export interface Design {
   readonly participant: string;
   readonly language: string;
   readonly consent: string;
-  readonly protocol: { readonly rest_s: number; readonly stop_rule: string };
+  readonly protocol: { readonly rest_s: number; readonly stop_rule: string; readonly watched: number };
   readonly forms: Readonly<Record<string, Form>>;
   readonly places: readonly Place[];
   readonly comparisons: readonly (readonly [string, string])[];

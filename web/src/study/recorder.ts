@@ -36,9 +36,10 @@ export abstract class Recorder {
     return true;
   }
 
-  add(happening: Happening): void {
+  /** Adds an event; `at` is its time, ms, if it was earlier than now. */
+  add(happening: Happening, at = Date.now()): void {
     if (!this.isOpen) return;
-    const event = dated(happening, this.events);
+    const event = dated(happening, this.events, at);
     this.events.push(event);
     this.keep(event);
     this.changed();
@@ -150,8 +151,8 @@ export class Posted extends Recorder {
   /** The reply of the study's computer, after retries; null if it refuses what was sent. */
   private async post(what: { readonly event?: Event }): Promise<Reply | null> {
     const { design, participant } = this.design;
-    const body = JSON.stringify({ design, tab: this.tab, device: this.device, ...what });
     for (;;) {
+      const body = JSON.stringify({ design, tab: this.tab, device: this.device, now: Date.now(), ...what });
       try {
         const reply = await fetch(`answers/${participant}`, {
           method: "POST",

@@ -1,6 +1,6 @@
 // A session: its steps in order, and a bar with the progress, whether answers are saved, and the button
 // that stops everything at once.
-import { type Context, compare, consent, form, remarks, title } from "./asking";
+import { type Context, compare, consent, count, form, remarks, title } from "./asking";
 import { Voice, button, element } from "./dom";
 import type { Session as Given } from "./model";
 import { InPage, Posted, type Standing } from "./recorder";
@@ -106,11 +106,17 @@ export class Session {
         return { root };
       }
       case "ride": {
-        if (step.at.kind === "live") return live(context, step.at, next);
+        if (step.at.kind === "live" || step.at.kind === "robot") return live(context, step.at, next);
         const page = this.given.rides[step.at.condition];
-        if (page === undefined) return video(context, step.at, this.given.served, next);
-        return ride(context, step.at, { text: page, bundle: this.given.bundle }, next);
+        const show = (): Screen => ride(context, step.at, { text: page ?? "", bundle: this.given.bundle }, next);
+        if (step.at.kind !== "video") return show();
+        const here = page === undefined || !this.given.served ? null : (): void => {
+          this.screen = show();
+          this.place(this.screen);
+        };
+        return video(context, step.at, here, next);
       }
+      case "count": return { root: count(context, step.at, next) };
       case "rest": return rest(context, step.after, this.given.form.protocol.rest_s, next);
       case "compare": return { root: compare(context, step, next) };
       case "remarks": return { root: remarks(context, next) };

@@ -22,6 +22,13 @@ export interface RidePage {
 
 const BUNDLE = '<script type="text/plain" id="bundle">';
 
+/** What a ride's page must know of its session: tasks with their times, texts, and how much of a video must be played. */
+function tasksElement({ voice, design }: Context, { tasks, seconds }: Place): string {
+  const known = { ...tasks, words: voice.words, watched: design.protocol.watched, seconds };
+  const text = JSON.stringify(known).replaceAll("<", "\\u003c");
+  return `<script type="application/json" id="tasks">${text}</script>`;
+}
+
 async function inflated(text: string): Promise<string> {
   const deflated = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
   const stream = new Blob([deflated]).stream().pipeThrough(new DecompressionStream("deflate"));
@@ -29,16 +36,19 @@ async function inflated(text: string): Promise<string> {
 }
 
 /** A ride; the messages of its page are recorded. */
-export function ride({ voice, recorder }: Context, at: Place, page: RidePage, done: () => void): Screen {
+export function ride(context: Context, at: Place, page: RidePage, done: () => void): Screen {
+  const { voice, recorder } = context;
   const { place, condition } = at;
   const screen = element("section", "ride");
   const frame = element("iframe");
-  frame.title = voice.say("ride_title", { name: condition });
+  frame.title = voice.say(at.kind === "video" ? "video_title" : "ride_title", { name: condition });
   frame.allow = "xr-spatial-tracking *; accelerometer *; gyroscope *";
   const over = element("div", "over");
   over.hidden = true;
   let isRunning = false;
   let isLeft = false;
+  /** What was watched of a video, if it was not enough. */
+  let lacking: number | null = null;
 
   const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
   const again = (said: string, label: string, press: () => void): void => {
@@ -50,14 +60,23 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
   };
   const show = async (): Promise<void> => {
     over.hidden = true;
-    const text = (await inflated(page.text)).replace(BUNDLE, (found) => found + page.bundle);
+    const text = (await inflated(page.text)).replace(BUNDLE, (found) => tasksElement(context, at) + found + page.bundle);
     if (!isLeft) frame.srcdoc = text;
   };
   const hear = (event: MessageEvent): void => {
     const told = event.data as (Told & { hpop?: string }) | null;
     if (event.source !== frame.contentWindow || told?.hpop !== "stimulus") return;
-    if (told.kind === "begin") {
+    if (told.kind === "task") {
+      recorder.add({ kind: "task", place, condition, item: told.item, value: told.value }, told.ms);
+    } else if (told.kind === "watched") {
+      recorder.add({ kind: "task", place, condition, item: "watched", value: told.value });
+      lacking = told.isEnough ? null : told.value.share;
+      if (told.isEnough) record("played");
+    } else if (told.kind === "paused" || told.kind === "continued" || told.kind === "skipped") {
+      if (isRunning) record(told.kind);
+    } else if (told.kind === "begin") {
       isRunning = true;
+      lacking = null;
       recorder.device.headset = told.headset;
       record("begin");
     } else if (told.kind === "failed") {
@@ -73,7 +92,11 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
       const { flagged, ...value } = frames;
       recorder.add({ kind: "frames", place, condition, value });
       record(told.kind);
-      if (told.kind === "broken") again(voice.say("ride_broken"), voice.say("ride_again"), () => { void show(); });
+      if (told.kind === "broken" && told.reason === "unwatched" && lacking !== null) {
+        const share = { share: Math.floor(100 * lacking), least: Math.round(100 * context.design.protocol.watched) };
+        const said = `${voice.say("video_share", share)} ${voice.say("video_skipped")}`;
+        again(said, voice.say("ride_again"), () => { void show(); });
+      } else if (told.kind === "broken") again(voice.say("ride_broken"), voice.say("ride_again"), () => { void show(); });
       else if (flagged) again(voice.say("ride_frames"), voice.say("continue"), done);
       else done();
     }
@@ -95,21 +118,11 @@ export function ride({ voice, recorder }: Context, at: Place, page: RidePage, do
   };
 }
 
-/** Seconds by which the played part that a player reports may be too short. */
-const UNPLAYED = 0.4;
-
-/** Whether a player has played its whole video, without skipped parts. */
-function isPlayed({ played, duration }: HTMLVideoElement): boolean {
-  let seconds = 0;
-  for (let i = 0; i < played.length; i += 1) seconds += played.end(i) - played.start(i);
-  return seconds >= duration - UNPLAYED;
-}
-
 /**
- * A video. The study's own computer gives it to the page, which plays it and counts it as watched once all of it was
- * played. Of one that is seen in another player its viewer says when it begins and ends, not before it can have ended.
+ * A video. `here` plays it on the page, where it counts as watched once enough of it was played; it is null if the page
+ * cannot. If a video is seen in another player, its viewer says when it begins and ends, not before it can have ended.
  */
-export function video({ voice, recorder }: Context, at: Place, served: boolean, done: () => void): Screen {
+export function video({ voice, recorder }: Context, at: Place, here: (() => void) | null, done: () => void): Screen {
   const { place, condition } = at;
   const screen = element("section");
   const record = (value: string): void => { recorder.add({ kind: "stimulus", place, condition, value }); };
@@ -121,7 +134,7 @@ export function video({ voice, recorder }: Context, at: Place, served: boolean, 
   const begin = button(voice.say("ride_begin"), "", () => {
     isRunning = true;
     record("begin");
-    player?.remove();
+    play.hidden = true;
     const ended = button(voice.say("video_ended"), "", () => {
       isRunning = false;
       record("end");
@@ -137,62 +150,26 @@ export function video({ voice, recorder }: Context, at: Place, served: boolean, 
   });
   row.append(begin);
   elsewhere.append(element("p", "", voice.say("video_elsewhere")), row);
-  const said = element("p", "said");
-  said.setAttribute("role", "alert");
-  const player = served ? element("video") : null;
-  screen.append(title(voice.say("video_title", gaps)), element("p", "", voice.say("video_about", gaps)));
-  if (player === null) begin.className = "main";
+  const play = element("div", "row");
+  screen.append(title(voice.say("video_title", gaps)), element("p", "", voice.say("video_about", gaps)), play, elsewhere);
+  if (here === null) begin.className = "main";
   else {
-    player.src = at.stimulus;
-    player.controls = true;
-    player.playsInline = true;
-    player.setAttribute("aria-label", voice.say("video_title", gaps));
-    const play = button(voice.say("video_play"), "", () => { void player.play().catch(() => undefined); });
-    play.className = "main";
-    const here = element("div", "row");
-    here.append(play);
-    const setRunning = (running: boolean): void => {
-      isRunning = running;
-      here.hidden = running;
-      elsewhere.hidden = running;
-    };
-    player.addEventListener("play", () => {
-      if (isRunning) return;
-      said.textContent = "";
-      setRunning(true);
-      record("begin");
-    });
-    player.addEventListener("ratechange", () => { if (player.playbackRate !== 1) player.playbackRate = 1; });
-    player.addEventListener("ended", () => {
-      if (isPlayed(player)) {
-        record("played");
-        record("end");
-        isRunning = false;
-        done();
-        return;
-      }
-      record("broken");
-      setRunning(false);
-      said.textContent = voice.say("video_skipped");
-      player.load(); // the player's record of played parts is cleared
-    });
-    player.addEventListener("error", () => { said.textContent = voice.say("video_failed"); });
-    screen.append(player, said, here);
+    const go = button(voice.say("video_play"), "", here);
+    go.className = "main";
+    play.append(go);
   }
-  screen.append(elsewhere);
   return {
     root: screen,
     leave() {
       clearTimeout(timer);
-      player?.pause();
       if (isRunning) record("broken");
       isRunning = false;
     },
   };
 }
 
-/** A session in which the participant drives, on the page or in the headset that the person who runs the study shows. */
-export function live({ voice, recorder }: Context, { place, condition }: Place, done: () => void): Screen {
+/** A real robot, or a session in which the participant drives, on a page or in a headset that the researcher shows. */
+export function live({ voice, recorder }: Context, { place, condition, kind }: Place, done: () => void): Screen {
   const screen = element("section");
   const row = element("div", "row");
   let isRunning = false;
@@ -200,7 +177,7 @@ export function live({ voice, recorder }: Context, { place, condition }: Place, 
   const begin = button(voice.say("ride_begin"), "", () => {
     isRunning = true;
     record("begin");
-    const ended = button(voice.say("live_ended"), "", () => {
+    const ended = button(voice.say(`${kind}_ended`), "", () => {
       isRunning = false;
       record("end");
       done();
@@ -211,7 +188,7 @@ export function live({ voice, recorder }: Context, { place, condition }: Place, 
   });
   begin.className = "main";
   row.append(begin);
-  screen.append(title(voice.say("live_title", { name: condition })), element("p", "", voice.say("live_about")), row);
+  screen.append(title(voice.say(`${kind}_title`, { name: condition })), element("p", "", voice.say(`${kind}_about`)), row);
   return {
     root: screen,
     leave() {

@@ -6,6 +6,7 @@ export type Step =
   | { readonly kind: "consent" }
   | { readonly kind: "form"; readonly form: Form; readonly place: number; readonly condition: string | null }
   | { readonly kind: "ride"; readonly at: Place }
+  | { readonly kind: "count"; readonly at: Place }
   | { readonly kind: "rest"; readonly after: Place }
   | { readonly kind: "compare"; readonly form: Form; readonly pair: readonly [string, string] }
   | { readonly kind: "remarks" }
@@ -24,6 +25,7 @@ export function plan(design: Design): Step[] {
     const before = design.places[i - 1];
     if (before !== undefined) steps.push({ kind: "rest", after: before });
     steps.push({ kind: "ride", at });
+    if (at.tasks?.["counting"] !== undefined) steps.push({ kind: "count", at });
     for (const form of rated(design, "after_each")) {
       steps.push({ kind: "form", form, place: at.place, condition: at.condition });
     }
@@ -57,12 +59,19 @@ function isOf(step: Step, event: Event): boolean {
   switch (step.kind) {
     case "consent": return event.kind === "consent" || event.kind === "start";
     case "form": return event.kind === "answer" && event.form === step.form.id && event.place === step.place;
-    case "ride": return (event.kind === "stimulus" || event.kind === "frames") && event.place === step.at.place;
+    case "ride":
+      return (event.kind === "stimulus" || event.kind === "frames" || (event.kind === "task" && event.item !== "count")) &&
+        event.place === step.at.place;
+    case "count": return isCount(event, step.at);
     case "rest": return event.kind === "pause" && event.place === step.after.place;
     case "compare": return event.kind === "compare" && step.form.items.some((i) => isChosen(step, event, i.id));
     case "remarks": return event.kind === "remark";
     case "end": return event.kind === "end";
   }
+}
+
+function isCount(event: Event, { place }: Place): boolean {
+  return event.kind === "task" && event.item === "count" && event.place === place;
 }
 
 function isChosen(step: Step & { kind: "compare" }, event: Event, question: string): boolean {
@@ -74,6 +83,7 @@ function isDone(step: Step, events: readonly Event[]): boolean {
     case "consent": return events.some((e) => e.kind === "start");
     case "form": return step.form.items.every((i) => answerTo(events, step.place, step.form.id, i.id) !== undefined);
     case "ride": return events.some((e) => e.kind === "stimulus" && e.value === "end" && e.place === step.at.place);
+    case "count": return events.some((e) => isCount(e, step.at));
     case "rest": return events.some((e) => e.kind === "pause" && e.value === "end" && e.place === step.after.place);
     case "compare": return step.form.items.every((i) => chosenOf(events, step.pair, i.id) !== undefined);
     case "remarks": // until the end

@@ -1,0 +1,277 @@
+"""Tasks during a ride or a video, in a real browser with a real clock."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+from playwright.sync_api import Browser, FrameLocator, Page, expect
+
+import hpop
+from hpop import study
+from hpop.study import tasks
+from hpop.study.page import ride_page
+from tests.browser.rides import front_of, problem_of
+from tests.browser.sessions import served
+
+pytestmark = pytest.mark.proof  # in real time
+TASKS = {
+    "rating": {"every": 4, "shown": 3},
+    "slider": {"rate": 10},
+    "head": {},
+    "counting": {"least": 0.6, "most": 1.4},
+    "reaction": {"least": 2, "most": 3, "wait": 1.5},
+}
+# An instrument beside the page: samples that reach the loudspeaker, on the sound card's clock, as times of the page.
+LISTEN = """
+(() => {
+  const worklet = `registerProcessor("listener", class extends AudioWorkletProcessor {
+    quiet = 1e9;
+    process([[channel]]) {
+      for (let i = 0; i < 128; i += 1) {
+        if (channel !== undefined && Math.abs(channel[i]) > 1e-3) {
+          if (this.quiet > 0.05 * sampleRate) this.port.postMessage((currentFrame + i) / sampleRate);
+          this.quiet = 0;
+        } else this.quiet += 1;
+      }
+      return true;
+    }
+  })`;
+  const connect = AudioNode.prototype.connect;
+  const listeners = new Map();
+  const listener = async (context) => {
+    await context.audioWorklet.addModule(URL.createObjectURL(new Blob([worklet], { type: "text/javascript" })));
+    const node = new AudioWorkletNode(context, "listener");
+    node.port.onmessage = ({ data }) => {
+      const { contextTime, performanceTime } = context.getOutputTimestamp();
+      (top.onsets ??= []).push(performance.timeOrigin + performanceTime + 1000 * (data - contextTime));
+    };
+    connect.call(node, context.destination);
+    setInterval(() => {
+      const { contextTime, performanceTime } = context.getOutputTimestamp();
+      const clock = [performance.timeOrigin + performanceTime, performanceTime - 1000 * contextTime];
+      if (contextTime > 0) (top.clocks ??= []).push(clock);
+    }, 20);
+    return node;
+  };
+  const Original = AudioContext;
+  window.AudioContext = class extends Original {
+    constructor(...how) { super(...how); listeners.set(this, listener(this)); }
+  };
+  AudioNode.prototype.connect = function (to, ...more) {
+    if (to instanceof AudioDestinationNode) {
+      void listeners.get(this.context).then((node) => connect.call(this, node));
+    }
+    return connect.call(this, to, ...more);
+  };
+})();
+"""
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    """Return a small page with a real clock; its policy is off, so that the instrument can run."""
+    context = browser.new_context(viewport={"width": 480, "height": 400}, bypass_csp=True)
+    made = context.new_page()
+    said: list[str] = []
+    made.on("pageerror", lambda error: said.append(str(error)))
+    yield made
+    context.close()
+    assert said == []
+
+
+def tasked(folder: Path, **how: Any) -> study.Design:
+    """Return a design of one way with tasks, in two conditions, with its stimuli."""
+    problem = problem_of(hpop.World.from_polygons([shapely.box(4, 6, 5, 7)], extent=shapely.box(0, 0, 10, 8)))
+    front = front_of(problem, {"round": [(1, 1), (1, 3), (4, 3)]})
+    protocol = study.Protocol(rest_s=0, tasks=TASKS)
+    design = study.Design.of(front, [0], participants=2, consent="x", forms=("comfort",), protocol=protocol, **how)
+    design.save(folder)
+    study.save_stimuli(problem, front, design.conditions, folder / "stimuli")
+    return design
+
+
+def entered(page: Page, address: str) -> FrameLocator:
+    """Agree, and return the frame of the ride, which waits to be started."""
+    page.goto(address)
+    page.locator("#agree").check()
+    page.get_by_role("button", name="Begin the session", exact=True).click()
+    if page.get_by_role("button", name="Play the video here").count():
+        page.get_by_role("button", name="Play the video here").click()
+    frame = page.frame_locator("iframe")
+    frame.locator("#start").wait_for()
+    return frame
+
+
+def events(folder: Path, item: str) -> list[dict[str, Any]]:
+    """Return the recorded events of a task."""
+    stored = json.loads((folder / "answers" / "p01.json").read_text())
+    return [event for event in stored["events"] if event.get("item") == item]
+
+
+def test_sounds_keep_their_schedule_to_5_ms_and_samples_theirs(page: Page, tmp_path: Path) -> None:
+    """Compare sounds at the loudspeaker, on the page's clock, with the schedule of the design; and what is recorded."""
+    design = tasked(tmp_path, factors={"cue": [2, 1]})
+    page.add_init_script(LISTEN)
+    with served(tmp_path) as server:
+        frame = entered(page, f"{server.address()}p01")
+        frame.locator("#start").click()
+        page.keyboard.press("ArrowLeft")
+        frame.get_by_role("button", name="7", exact=True).click()  # the first question
+        page.keyboard.press("1")
+        expect(page.get_by_text("How many low tones did you hear?").or_(page.locator(".over button"))).to_be_visible()
+        if page.locator(".over button").is_visible():
+            page.locator(".over button").click()
+        page.locator("input").fill("5")
+        page.locator("#continue").click()
+        expect(page.locator("header .saved")).to_have_text("Saved")
+    onsets = np.array(page.evaluate("top.onsets"))
+    planned = design.scheduled("p01", 1)["tasks"]
+    tones = events(tmp_path, "tone")
+    signals = events(tmp_path, "signal")
+    ratings = events(tmp_path, "rating")
+    for told, name in ((tones, "counting"), (signals, "reaction"), (ratings, "rating")):
+        assert [event["value"]["due"] for event in told] == planned[name]["times"]
+    utc = np.array([np.datetime64(event["at"][:-1], "ms").astype(float) for event in tones])
+    began = np.median(utc - [1000 * event["value"]["came"] for event in tones])
+    due = sorted(began + 1000 * t for name in ("counting", "reaction", "rating") for t in planned[name]["times"])
+    apart = np.array([t for i, t in enumerate(due) if i == 0 or t - due[i - 1] > 400])  # sounds that do not overlap
+    at, offset = np.array(page.evaluate("top.clocks")).T
+    is_steady = [
+        np.ptp(offset[(at > t - 1100) & (at < t + 200)]) < 3.0 for t in apart
+    ]  # a busy machine halts its sound
+    errors = np.array([onsets[np.argmin(np.abs(onsets - t))] - t for t in apart[is_steady]])
+    print(
+        f"{errors.size} of {apart.size} sounds: largest error {np.abs(errors).max():.2f} ms, all {np.round(errors, 1)}"
+    )
+    assert errors.size >= 4
+    assert np.abs(errors).max() <= 5.0
+    recorded = [1000 * (e["value"]["came"] - e["value"]["due"]) for e in (*tones, *signals, *ratings)]
+    assert np.median(np.abs(recorded)) <= 1.0
+    for item, rate in (("head", 30.0), ("slider", 10.0)):
+        samples = tasks.samples_of([event["value"] for event in events(tmp_path, item)])
+        count = math.floor(design.conditions[0].duration * rate)
+        assert count - rate / 2 <= len(samples) <= count + 1  # all but those of the last picture
+        assert np.abs(samples[:, 0] - 1000 * np.arange(len(samples)) / rate).max() <= 0.5
+    head = tasks.samples_of([event["value"] for event in events(tmp_path, "head")])
+    assert head[0, 1] == 0.0
+    assert head[-1, 1] == pytest.approx(np.degrees(0.05), abs=0.01)  # a key turns the head to the left
+    assert ratings[0]["value"]["value"] == 7
+    (counted,) = events(tmp_path, "count")
+    assert counted["value"] == {"value": 5}
+
+
+def filmed(path: Path, seconds: float) -> None:
+    """Write a video that is red in its left half and blue in its right one, and lighter in the middle."""
+    av = pytest.importorskip("av")
+    picture = np.zeros((128, 256, 3), np.uint8)
+    picture[:, :128, 0] = picture[:, 128:, 2] = 200
+    picture[:, 96:160] = 128
+    with av.open(str(path), "w") as file:
+        stream = file.add_stream("libx264", rate=10)
+        stream.width, stream.height, stream.pix_fmt = 256, 128, "yuv420p"
+        for _ in range(round(10 * seconds)):
+            file.mux(stream.encode(av.VideoFrame.from_ndarray(picture, format="rgb24")))
+        file.mux(stream.encode(None))
+
+
+def film_study(folder: Path, seconds: float) -> study.Design:
+    """Return a design of two videos, of which each lasts some seconds."""
+    problem = problem_of(hpop.World.from_polygons([], extent=shapely.box(0, 0, 10, 8)))
+    front = front_of(problem, {"straight": [(1, 1), (2, 1)]})
+    factors = {"latency": [0, 0.2]}
+    design = study.Design.of(front, [0], participants=2, consent="x", forms=("comfort",), kind="video", factors=factors)
+    design.save(folder)
+    (folder / "stimuli").mkdir()
+    for condition in design.conditions:
+        text = ride_page(problem, front.trajectories[condition.row or 0], condition.id, video=condition.stimulus)
+        (folder / condition.stimulus).with_suffix(".html").write_text(text)
+        filmed(folder / condition.stimulus, seconds)
+    return design
+
+
+def colours(page: Page) -> list[list[int]]:
+    """Return the colours in the middle, and at both sides, of what the page shows."""
+    from io import BytesIO
+
+    from PIL import Image
+
+    seen = np.asarray(Image.open(BytesIO(page.screenshot())).convert("RGB"), dtype=int)
+    height, width, _ = seen.shape
+    return [seen[height // 2, x].tolist() for x in (width // 2, 4, width - 5)]
+
+
+def test_a_video_is_shown_around_the_viewer_and_counts_once_its_share_was_played(page: Page, tmp_path: Path) -> None:
+    """A participant who pauses and skips must watch again; no answer is accepted before."""
+    design = film_study(tmp_path, 8.0)
+    with served(tmp_path) as server:
+        frame = entered(page, f"{server.address()}p01")
+        frame.locator("#start").click()
+        page.wait_for_timeout(900)
+        middle, *_ = colours(page)
+        assert max(middle) - min(middle) < 30
+        frame.get_by_role("button", name="Pause").click()
+        expect(frame.get_by_role("button", name="Go on")).to_be_visible()
+        for _ in range(25):
+            page.keyboard.press("ArrowLeft")
+        page.wait_for_timeout(300)
+        (red, _, blue), *_ = colours(page)  # after 1.25 rad
+        assert red > blue + 80  # the left part of the picture is to the left
+        frame.get_by_role("button", name="Go on").click()
+        page.evaluate(SKIP)
+        expect(page.locator(".over")).to_contain_text("95 % is needed")
+        page.get_by_role("button", name="See it again from the beginning").click()
+        frame.locator("#start").click()
+        asked = page.locator("h1", has_text="How comfortable was this ride?")
+        jerky = page.locator(".over button", has_text="Continue")  # a slow machine
+        expect(asked.or_(jerky)).to_be_visible()
+        if jerky.is_visible():
+            jerky.click()
+        expect(asked).to_be_visible()
+        expect(page.locator("header .saved")).to_have_text("Saved")
+    (first, *_) = design.participant("p01").order
+    (session,) = study.Answers.load(tmp_path).sessions
+    told = [event.value for event in session.events if event.kind == "stimulus"]
+    assert told == ["begin", "paused", "continued", "skipped", "broken", "begin", "played", "end"]
+    skipped, watched = (event.value for event in session.events if event.item == "watched")
+    assert skipped["share"] < 0.9
+    assert (skipped["pauses"], skipped["skips"]) == (1, 1)
+    assert watched["share"] >= 0.95
+    assert [(one.condition, one.played) for one in session.videos(design)] == [(first, True)]
+
+
+# The player is not in the document: it is found where its picture is drawn.
+SKIP = "document.querySelector('iframe').contentWindow.films.at(-1).currentTime += 3.0"
+KEEP = """
+(() => {
+  const create = Document.prototype.createElement;
+  Document.prototype.createElement = function (name, ...more) {
+    const made = create.call(this, name, ...more);
+    if (name === "video") (window.films ??= []).push(made);
+    return made;
+  };
+})();
+"""
+
+
+@pytest.fixture(autouse=True)
+def _keep_players(page: Page) -> None:
+    page.add_init_script(KEEP)
+
+
+def test_a_video_that_is_shorter_than_its_ride_never_counts_as_watched(page: Page, tmp_path: Path) -> None:
+    """Played to its end, 0.6 s of a longer ride are not enough."""
+    film_study(tmp_path, 0.6)
+    with served(tmp_path) as server:
+        frame = entered(page, f"{server.address()}p01")
+        frame.locator("#start").click()
+        expect(page.locator(".over")).to_contain_text("% of the video was shown; 95 % is needed")
+        expect(page.locator("header .saved")).to_have_text("Saved")
+    stored = json.loads((tmp_path / "answers" / "p01.json").read_text())
+    assert [event["value"] for event in stored["events"] if event["kind"] == "stimulus"] == ["begin", "broken"]
