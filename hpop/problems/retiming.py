@@ -22,8 +22,9 @@ from hpop.motions.by_law import extras
 from hpop.motions.laws import CLOCK
 from hpop.planners.base import Candidates
 from hpop.planners.needs import people_move
+from hpop.planners.programs.path_coordinates import Coordinates, coordinates_of
 from hpop.planners.programs.speed_profiles import Discomfort, Profiles
-from hpop.planners.programs.stretches import Coordinates, PathStretch, coordinates_of, stretches_of
+from hpop.planners.programs.stretches import PathStretch, stretches_of
 from hpop.planners.programs.weighted_profiles import WeightedMotion
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
@@ -97,8 +98,12 @@ def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discom
         knots = path.coordinates.knots(one.states, one.slopes, np.append(0.0, np.cumsum(one.steps)))
         n = one.steps.size
         start, end = knots.take(slice(0, n)), knots.take(slice(1, n + 1))
-        law = problem.model.laws[one.kind]
-        flows.append(motion_costs(criterion, Motions(problem.world, problem.model, law, start, end)))
+        largest, kinds = np.zeros(n), np.array(one.kinds)
+        for kind in dict.fromkeys(one.kinds):
+            (own,) = (kinds == kind).nonzero()
+            law, ends = problem.model.laws[kind], (start.take(own), end.take(own))
+            largest[own] = motion_costs(criterion, Motions(problem.world, problem.model, law, *ends))
+        flows.append(largest)
     return Discomfort(flow=np.concatenate(flows))
 
 
@@ -162,7 +167,7 @@ class _Path:
             rates = part.slopes * root[place : place + n + 1, None]
             stretch = coordinates.knots(part.states, rates, clock)
             knots.append(stretch.take(slice(1 if knots else 0, None)))
-            kinds += [part.kind] * n
+            kinds += part.kinds
             now, interval, place = float(clock[-1]), interval + n, place + n + 1
         names = (*self.run.model.space.names, *extras(self.run.model, kinds))
         states = States(**{name: frozen(np.concatenate([getattr(k, name) for k in knots])) for name in names})

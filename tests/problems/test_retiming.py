@@ -18,8 +18,9 @@ from hpop.models.base import Mount, Part, PlanarModel, plane_space
 from hpop.models.driven import driven
 from hpop.models.laws import Move, Turn
 from hpop.motions import States
+from hpop.planners.programs.path_coordinates import coordinates_of
 from hpop.planners.programs.speed_profiles import Discomfort, Profiles
-from hpop.planners.programs.stretches import PathStretch, coordinates_of, stretches_of
+from hpop.planners.programs.stretches import PathStretch, stretches_of
 from hpop.problems.verify import verify
 
 

@@ -10,221 +10,46 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol, cast
 
 import numpy as np
 
-from hpop.base.arrays import BoolArray, FloatArray
-from hpop.errors import OptionError, UnsupportedModel
-from hpop.models.ramps import SUFFIX, WAY, limits_of
-from hpop.motions import HOLD, Model, States, Wheeled, is_curve, laws_of
-from hpop.motions.laws import CHANGE, CLOCK, PACE, SPEED
-from hpop.planners.programs.spline.knots import LAW as SPLINE
-from hpop.planners.programs.spline.knots import SplineLaw
+from hpop.base.arrays import FloatArray
+from hpop.errors import OptionError
+from hpop.motions import HOLD, States, is_curve, laws_of
+from hpop.planners.programs.path_coordinates import REST, Coordinates
 from hpop.trajectories.trajectory import Trajectory
 
-DRIVE = "drive"  # kind of the law of curves of a base
-TURN_RATE = "turn_rate"
 INTERVAL, FEWEST, MOST = 0.1, 16, 400  # s: length of a grid interval at the input's speed; intervals in each phase
 CURVED = 600  # intervals in all motions of a stretch of curves
-REST = 1e-6  # share of full speed below which a robot stands
 BEFORE = 1e-7  # share of an interval: how long before a grid position its rates may be taken
 STRAIGHT = 1e-9  # difference of unit directions that is a rounding error
 PARALLEL = 1e-6  # difference of unit directions that counts as none
-
-
-class Coordinates(Protocol):
-    """Coordinates (c,) of a robot along a path, and the law that can drive any speed profile along it."""
-
-    def kind(self, executed: str) -> str:
-        """Return the kind of the law that replaces an executed kind of motion, and drives it at any speed profile."""
-
-    @property
-    def unit(self) -> FloatArray:
-        """Largest speed (c,) of each coordinate, by which lengths along the path are measured."""
-
-    @property
-    def joins(self) -> bool:
-        """True if stretches in one straight direction become one, although the robot stands between them."""
-
-    def rates(self, states: States, rates: States) -> FloatArray:
-        """Return the rates (N, c) of the coordinates from the states (N,) and their rates."""
-
-    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        """Return first and second derivatives of the states (N,) from those of the coordinates.
-
-        rates, changes  (N, c)  first and second derivatives of the coordinates
-        """
-
-    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
-        """Return states (N,) with all columns of the law, from the rates (N, c) of the coordinates and the time, s."""
-
-    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the limits of a stretch with slopes dq/ds (N, c): rows (r, c), largest speeds and accelerations (r,).
-
-        The combinations rows @ q of the coordinates q have these limits.
-        """
-
-
-@dataclass(frozen=True)
-class BaseCoordinates:
-    """Distance driven, m, and heading, rad, of a base with two wheels."""
-
-    model: Wheeled
-    joins: bool = False
-
-    def kind(self, executed: str) -> str:
-        return DRIVE
-
-    @property
-    def unit(self) -> FloatArray:
-        return np.array([self.model.speed, self.model.turn_rate])
-
-    def rates(self, states: States, rates: States) -> FloatArray:
-        ahead = rates.x * np.cos(states.yaw) + rates.y * np.sin(states.yaw)
-        return np.stack([ahead, rates.yaw], axis=1)
-
-    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        cos, sin, (v, turn), (a, turn_change) = np.cos(states.yaw), np.sin(states.yaw), rates.T, changes.T
-        zero = 0.0 * v
-        first = {"x": v * cos, "y": v * sin, "yaw": turn, SPEED: a, TURN_RATE: turn_change, CLOCK: zero}
-        second = {"x": a * cos - v * turn * sin, "y": a * sin + v * turn * cos, "yaw": turn_change}
-        return States(**first), States(**second | dict.fromkeys((SPEED, TURN_RATE, CLOCK), zero))
-
-    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
-        columns = {SPEED: rates[:, 0], TURN_RATE: rates[:, 1], CLOCK: clock}
-        return States(x=states.x, y=states.y, yaw=states.yaw, **columns)
-
-    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        model = self.model
-        moves: BoolArray = np.any(np.abs(slopes) > REST * self.unit, axis=0)
-        if moves.all():
-            half, both = 0.5 * model.wheel_base, np.ones(2)
-            rows = np.array([[1.0, -half], [1.0, half]])
-            return rows, model.wheel_speed * both, model.wheel_acceleration * both
-        if moves[1]:
-            return np.array([[0.0, 1.0]]), np.array([model.turn_rate]), np.array([model.turn_acceleration])
-        return np.array([[1.0, 0.0]]), np.array([model.speed]), np.array([model.acceleration])
-
-
-@dataclass(frozen=True)
-class JointCoordinates:
-    """Joints of an arm, rad or m."""
-
-    model: Model
-    joins: bool = True
-
-    def kind(self, executed: str) -> str:
-        return SPLINE
-
-    @property
-    def law(self) -> SplineLaw:
-        return cast(SplineLaw, self.model.laws[SPLINE])
-
-    @property
-    def unit(self) -> FloatArray:
-        return np.array(self.law.speeds)
-
-    def rates(self, states: States, rates: States) -> FloatArray:
-        return np.stack([np.broadcast_to(getattr(rates, n), states.size) for n in self.law.names], axis=1)
-
-    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        zero = np.zeros(states.size)
-        return self.law.knots([*rates.T], [*changes.T], zero), self.law.knots([*changes.T], [*0.0 * rates.T], zero)
-
-    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
-        return self.law.knots([getattr(states, name) for name in self.law.names], [*rates.T], clock)
-
-    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        return np.eye(len(self.law.names)), self.unit, np.array(self.law.accelerations)
-
-
-@dataclass(frozen=True)
-class MixedCoordinates:
-    """Distance driven, m, heading, rad, and joints of a base that carries a head or an arm.
-
-    Between two standstills, either the base moves straight ahead, or motions in place change some of the others.
-    """
-
-    model: Model
-    joins: bool = True
-
-    def kind(self, executed: str) -> str:
-        name = self.model.executed
-        fastest = {name.get(b, b): name.get(a, a) for pace in self.model.paces for a, b in pace.items()}
-        return fastest.get(executed, executed) + SUFFIX
-
-    @cached_property
-    def _limits(self) -> dict[str, tuple[float, float]]:
-        return limits_of(self.model)
-
-    @cached_property
-    def unit(self) -> FloatArray:
-        return np.array([speed for speed, _ in self._limits.values()])
-
-    def rates(self, states: States, rates: States) -> FloatArray:
-        columns = {WAY: np.hypot(rates.x, rates.y)}
-        rows = [np.broadcast_to(columns.get(n, getattr(rates, n, 0.0)), states.size) for n in self._limits]
-        return np.stack(rows, axis=1)
-
-    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        cos, sin, names, derivatives = np.cos(states.yaw), np.sin(states.yaw), list(self._limits), list[States]()
-        for columns in (rates, changes):  # nothing turns while the base moves
-            named = dict(zip(names, columns.T, strict=True))
-            way = named.pop(WAY)
-            derivatives.append(States(**{"x": way * cos, "y": way * sin} | named))
-        return derivatives[0], derivatives[1]
-
-    def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
-        pace = np.linalg.norm(rates / self.unit, axis=1)
-        return States(**{n: getattr(states, n) for n in self.model.space.names}, **{PACE: pace, CLOCK: clock})
-
-    def limits(self, slopes: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        moves: BoolArray = np.any(np.abs(slopes) > REST * self.unit, axis=0)
-        accelerations = np.array([acceleration for _, acceleration in self._limits.values()])
-        return np.eye(moves.size)[moves], self.unit[moves], accelerations[moves]
-
-
-def coordinates_of(model: Model) -> Coordinates:
-    """Return the coordinates of a model; raise UnsupportedModel if no law of it leaves the speed free."""
-    if SPLINE in model.laws and "spline" in model.provides:
-        return JointCoordinates(model)
-    if DRIVE in model.laws and {"wheels", "rigid"} <= model.provides:
-        return BaseCoordinates(cast(Wheeled, model))
-    mixed = MixedCoordinates(model)
-    kinds = {mixed.kind(model.executed.get(kind, kind)) for kind in {*model.laws} - {*model.executed, CHANGE}}
-    if "heading" in model.provides and {kind for kind in kinds if not kind.endswith(2 * SUFFIX)} <= {*model.laws}:
-        return mixed
-    raise UnsupportedModel(
-        f"to retime a path, a model needs limits of its acceleration and laws with free speeds: {DRIVE} of a base "
-        f"with wheels, {SPLINE} of an arm, or NAME{SUFFIX} for each executed law NAME of a base with a heading. The "
-        f"model {model.name} has the laws {', '.join(model.laws)}; plan with a differential_drive, a pan_tilt or an arm"
-    )
 
 
 @dataclass(frozen=True, eq=False)
 class PathStretch:
     """Part of a path between two standstills, on a grid of n + 1 positions.
 
-    kind           kind of the motion law that drives the stretch at any speed profile, such as "drive" or "spline"
+    kinds          (n,)           kinds of the laws that drive the intervals at any speed profile, such as "drive"
     steps          (n,)           differences of the path coordinate s, all positive
     states         (n+1,)         states of the model
     slopes         (n+1, c)       dq/ds
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
     pace           (n+1,)         ds/dt of the trajectory from which the stretch was made, 0 at both ends
+    most           (n+1,)         largest ds/dt by limits that depend on the path beside those below; inf for none
     middle         (n,)           states in the middles of the intervals
     rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds
     accelerations  (r,)           their largest accelerations
     """
 
-    kind: str
+    kinds: tuple[str, ...]
     steps: FloatArray
     states: States
     slopes: FloatArray
     bends: FloatArray
     pace: FloatArray
+    most: FloatArray
     middle: States
     rows: FloatArray
     speeds: FloatArray
@@ -247,14 +72,16 @@ class PathStretch:
         limits = (self.rows, self.speeds, self.accelerations)
         pace = np.concatenate([self.pace, other.pace[1:]])
         pace[self.steps.size] = 0.5 * (pace[self.steps.size - 1] + pace[self.steps.size + 1])
-        return PathStretch(self.kind, steps, States(**joined), slopes, bends, pace, States(**middle), *limits)
+        most = np.concatenate([self.most, other.most[1:]])
+        kinds = self.kinds + other.kinds
+        return PathStretch(kinds, steps, States(**joined), slopes, bends, pace, most, States(**middle), *limits)
 
     def continues(self, before: PathStretch) -> bool:
         """Return whether the robot need not stand between stretch ``before`` and this one.
 
         This holds if both are straight and have the same direction.
         """
-        if before.kind != self.kind or before.bends.any() or self.bends.any():
+        if before.kinds[-1] != self.kinds[0] or before.bends.any() or self.bends.any():
             return False
         return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())
 
@@ -296,7 +123,7 @@ def _stands(run: Trajectory, t: float, coordinates: Coordinates) -> bool:
 
 def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> PathStretch:
     """Return the stretch of some motions, on a grid with the borders of all their phases."""
-    times = _grid(run, motions)
+    times, kinds = _grid(run, motions, coordinates)
     middles = 0.5 * (times[1:] + times[:-1])
     states, middle = run.at(times), run.at(middles)
     rates, between = (
@@ -329,15 +156,19 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
         bends = np.stack([first - third * (half * steps)[:, None], last + third * ((1.0 - half) * steps)[:, None]])
     unit = coordinates.unit
     slopes, bends = slopes * unit, bends * unit
-    kind = coordinates.kind(run.kinds[motions[0]])
-    return PathStretch(kind, steps, states, slopes, bends, pace, middle, *coordinates.limits(slopes))
+    faster = within * coordinates.quickening(middle, *run.rates(middles))
+    most = np.minimum(np.append(faster, np.inf), np.append(np.inf, faster))
+    return PathStretch(kinds, steps, states, slopes, bends, pace, most, middle, *coordinates.limits(slopes))
 
 
-def _grid(run: Trajectory, motions: Sequence[int]) -> FloatArray:
-    """Return times, s, that cut each phase of some motions (given by index) evenly; they become grid positions."""
+def _grid(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> tuple[FloatArray, tuple[str, ...]]:
+    """Return times (n+1,), s, that cut each phase of some motions (given by index) evenly, and the kinds of intervals.
+
+    The times become grid positions; the kinds (n,) are those of laws that drive the intervals at any speed profile.
+    """
     laws = laws_of(run.model)
     fewest = CURVED // len(motions) if is_curve(laws[run.kinds[motions[0]]]) else FEWEST
-    pieces = [run.times[motions[0] : motions[0] + 1]]
+    pieces, kinds = [run.times[motions[0] : motions[0] + 1]], list[str]()
     for i in motions:
         start, end = run.states.take([i]), run.states.take([i + 1])
         begin = float(run.times[i])
@@ -346,6 +177,7 @@ def _grid(run: Trajectory, motions: Sequence[int]) -> FloatArray:
             if lasts > REST * run.durations[i]:
                 count = int(np.clip(np.ceil(lasts / INTERVAL), max(fewest, FEWEST), MOST))
                 pieces.append(begin + lasts * np.arange(1, count + 1) / count)
+                kinds += [coordinates.kind(run.kinds[i])] * count
                 begin += lasts
         pieces[-1][-1] = run.times[i + 1]
-    return np.concatenate(pieces)
+    return np.concatenate(pieces), tuple(kinds)
