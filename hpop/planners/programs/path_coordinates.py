@@ -246,6 +246,6 @@ def coordinates_of(model: Model) -> Coordinates:
     raise UnsupportedModel(
         f"to retime a path, a model needs limits of its acceleration and laws with free speeds: {DRIVE} of a base "
         f"with wheels, {SPLINE} of an arm, {STEERED} of a car, or NAME{SUFFIX} for each executed law NAME of a base "
-        f"with a heading. The model {model.name} has the laws {', '.join(model.laws)}; plan with a differential_drive, an "
-        "ackermann, a pan_tilt or an arm"
+        f"with a heading. The model {model.name} has the laws {', '.join(model.laws)}; plan with a differential_drive, "
+        "an ackermann, a pan_tilt or an arm"
     )
