@@ -16,11 +16,11 @@ from hpop.criteria.others.metrics import zone_fractions
 from hpop.goals import CameraAt, LookAt, ToolAt
 from hpop.problems.named_rows import named_rows
 from hpop.ros import planar_pose, pose_message
-from hpop.search.namoa_star import namoa_star
 from hpop.study.statistics import multinomial, share
 from hpop.trajectories.poses import poses
 from hpop.world import Box, Cylinder, Future, Person, Sphere, Track, pose_at
 from hpop.world.content.content import Content, Landmark, Zone
+from tests.search.namoa_star import namoa_star
 
 SQUARE = shapely.box(0, 0, 1, 1)
 ROBOT = hpop.DifferentialDrive(radius=0.25)

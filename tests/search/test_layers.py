@@ -12,7 +12,7 @@ from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.plain_bounds import plain_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
-from hpop.search.namoa_star import ideal_cost_to_go
+from tests.search.namoa_star import ideal_cost_to_go
 from tests.search.test_extended import turning, with_ends
 
 LAYERS = 4

@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from hpop.search import Graph, pareto_paths
-from hpop.search.namoa_star import covers, ideal_cost_to_go, namoa_star
+from tests.search.namoa_star import covers, ideal_cost_to_go, namoa_star
 
 
 def test_paths_have_the_costs_they_claim(lattice):

@@ -12,7 +12,7 @@ from hpop.search.machinery.group_bounds import can_be_packed
 from hpop.search.machinery.plain_bounds import plain_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups
-from hpop.search.namoa_star import ideal_cost_to_go
+from tests.search.namoa_star import ideal_cost_to_go
 
 
 @pytest.mark.parametrize("seed", range(8))
