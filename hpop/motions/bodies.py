@@ -193,11 +193,6 @@ class Instants:
         """Angular acceleration of the base about the vertical, rad/s²."""
         return self.twist_rate("base").rotation[2]
 
-    @cached_property
-    def camera_velocity(self) -> tuple[Column, Column]:
-        """Velocity (x, y) of the camera in the world frame, m/s."""
-        return self.twist("camera").velocity[:2]
-
     @property
     def _on_wheels(self) -> bool:
         return "wheels" in self._model.provides

@@ -306,7 +306,7 @@ def _lacks(model: Any) -> str:
 def _of_tour(criterion: Criterion, tour: Tour | None) -> Criterion:
     """Return a criterion; if it counts missed stops (role "stops_missed"), return its copy for a tour."""
     return (
-        criterion if criterion.role != "stops_missed" else cast(Criterion, cast(StopsMissed, criterion).of_tour(tour))
+        cast(Criterion, cast(StopsMissed, criterion).of_tour(tour)) if criterion.role == "stops_missed" else criterion
     )
 
 

@@ -118,10 +118,9 @@ class Staircase(JointSearch):
         reached = h[0] < UNREACHABLE
         most = [int(graph.largest[j]) if j >= 0 else 0 for j in order]
         farthest = [int(h[j].max(where=reached, initial=0)) if j >= 0 else 0 for j in order]
-        rise = [2 * c + b for c, b in zip(most, farthest, strict=True)]
-        self.rise = np.array(rise, np.int64)
+        self.rise = np.array([2 * c + b for c, b in zip(most, farthest, strict=True)], np.int64)
         f = [int(h[j, source]) if j >= 0 else 0 for j in order]
-        self.dtype: type[Any] = np.int32 if 4 * (max(f) + max(rise)) < INT32_LIMIT else np.int64
+        self.dtype: type[Any] = np.int32 if 4 * (max(f) + int(self.rise.max())) < INT32_LIMIT else np.int64
         priced = [j for j in (order[0], order[2]) if j >= 0]
         shared = groups.step > 0 and not groups.dearest[:, order[0]].any()
         self.turn = (groups.step, shared, bool(groups.alike[priced].all()), worst[0], worst[2])

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 # "Clearance bounds" below are the least values that the field of distances to obstacles may have at the S samples of a
 # program: a list of arrays (S,), one for each height range.
 
-
 MARGIN = 0.04  # m: clearance beyond the robot's reach, for the error between two samples
 SLACK = 1e-3  # m: by which the polyline itself keeps its bounds
 ALONG = 0.1  # m between the samples of a polyline's clearance
@@ -246,18 +245,16 @@ class SmoothingJob:
         turns, weights = first.provenance["turns"], solved.targets.weights / solved.targets.scale
 
         def judged(solution: ProgramSolution) -> Judged:
-            better, all_costs = self._checked(solution, structure, original, epsilon, counts)
+            better, costs = self._checked(solution, structure, original, epsilon, counts)
             candidate = None if isinstance(better, str) or better.provenance["turns"] > turns else better
-            costs = all_costs[self.smooth]
-            return Judged(solution, costs, float(weights @ costs), candidate)
+            return Judged(solution, costs[self.smooth], float(weights @ costs[self.smooth]), candidate)
 
         def targets(at: Judged) -> CostTargets:
             # The program evaluates maxima at samples and on fields: this error is added to their bounds.
             drift = np.where(self._worst, at.solution.costs - at.costs, 0.0)
             return replace(solved.targets, epsilon=epsilon[self.smooth] + drift)
 
-        costs = costs[self.smooth]
-        begin = Judged(solved.solution, costs, float(weights @ costs), first)
+        begin = Judged(solved.solution, costs[self.smooth], float(weights @ costs[self.smooth]), first)
         try:
             settled = refined(begin, program, solved.guess, targets, judged)
         except LimitPassed:
@@ -274,20 +271,16 @@ class SmoothingJob:
         reference  the polyline as a trajectory
         epsilon    (k,)  upper bounds of the costs
         """
-        model, length = (
-            on_wheels(self.problem.model),
-            float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y)))),
-        )
+        model = on_wheels(self.problem.model)
+        length = float(np.hypot(*(np.ptp(c) for c in (reference.states.x, reference.states.y))))
         ramp = min(model.speed / model.acceleration, math.sqrt(length / model.acceleration))
         cruise = max(0.0, length / (model.acceleration * ramp) - ramp)
         pose = [float(column[0]) for column in (reference.states.x, reference.states.y, reference.states.yaw)]
         controls = [(model.acceleration, 0.0, ramp), (0.0, 0.0, cruise), (-model.acceleration, 0.0, ramp)]
         curve = driven(model, pose, controls)
         judged = judge(self.problem, self.criteria, [curve], epsilon=epsilon[None])
-        provenance = self._provenance("nothing is free", 0, 0, 0)
-        return judged.reasons[0] or ImprovedTrajectory(
-            curve, judged.costs[0], self._tolerance(judged.costs[0], curve), provenance
-        )
+        provenance, tolerance = self._provenance("nothing is free", 0, 0, 0), self._tolerance(judged.costs[0], curve)
+        return judged.reasons[0] or ImprovedTrajectory(curve, judged.costs[0], tolerance, provenance)
 
     def _program(self, structure: Phases, seconds: dict[str, float]) -> DrivenProgram:
         if structure not in self.programs:
@@ -362,7 +355,8 @@ class SmoothingJob:
         if turns < structure.turns:
             return "has fewer turns than its polyline", costs
         path = path_points(curve)
-        spaces = {id(s): s for s in map(self._space, self.problem.model.platform)}.values()
+        free = (self.problem.world.free_space((part.z_min, part.z_max)) for part in self.problem.model.platform)
+        spaces = {id(space): space for space in free}.values()
         if not all(homotopic(path, polyline.vertices, space) for space in spaces):
             return "passes an obstacle on another side than its polyline", costs
         planned = costs.copy()
@@ -372,9 +366,6 @@ class SmoothingJob:
             return "has planned costs that are off by more than the tolerance", costs
         provenance = self._provenance(solution.status, solution.iterations, turns, counts["repairs"])
         return ImprovedTrajectory(curve, planned, tolerance, provenance), costs
-
-    def _space(self, part: Any) -> Any:
-        return self.problem.world.free_space((part.z_min, part.z_max))
 
     def _provenance(self, status: str, iterations: int, turns: int, repairs: int) -> dict[str, Any]:
         minimise = None if self.minimise is None else self.criteria[self.minimise].name

@@ -299,14 +299,18 @@ class DrivenProgram:
             else:
                 point, trajectory = feasible, self._trajectory(guess, feasible)
         rates = (np.array(result["lam_x"]).ravel(), np.array(result["lam_g"]).ravel())
-        costs = self._costs(point, parameters)
-        return ProgramSolution(point, rates, trajectory, costs, status, int(stats["iter_count"]))
+        return ProgramSolution(
+            point, rates, trajectory, self._costs(point, parameters), status, int(stats["iter_count"])
+        )
 
     def _limits(self, guess: Guess, targets: CostTargets, clearances: Sequence[FloatArray]) -> tuple[Bounds, Bounds]:
         """Return the lower and upper bounds of the variables, and those of the constraints."""
         epsilon, scale, sizes = targets.epsilon, targets.scale, self._formulas.sizes
         model, counts = on_wheels(self.problem.model), np.array(self.structure.counts)
-        lowest, highest = self._of_variables(*self._node_bounds(guess))
+        at_nodes, (indices, _) = self._node_bounds(guess), self.structure.variable_indices
+        lowest, highest = np.full(indices[-1, -1] + 1, -np.inf), np.full(indices[-1, -1] + 1, np.inf)
+        np.maximum.at(lowest, indices, at_nodes[0])  # the tightest bound counts if nodes share a variable
+        np.minimum.at(highest, indices, at_nodes[1])
         least = np.full(len(guess.lasts), SHORT)  # s, of each phase
         for p in range(1, len(least) - 1):
             if not self.structure.turning[p] and guess.signs[p - 1] == guess.signs[p + 1]:
@@ -315,20 +319,15 @@ class DrivenProgram:
         spread = np.concatenate(list(clearances))
         wheel, bend = model.wheel_acceleration, model.turn_acceleration
         lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_PHASE, -np.inf, -np.inf, spread, -np.inf]
-        highs: list[Any] = [
-            *(0.0, wheel, bend, model.wheel_speed, np.inf),
-            *(epsilon[self._summed] / scale[self._summed], 0.0, np.inf, 0.0),
-        ]
+        bounded = epsilon[self._summed] / scale[self._summed]
+        highs: list[Any] = [0.0, wheel, bend, model.wheel_speed, np.inf, bounded, 0.0, np.inf, 0.0]
         lbg, ubg = (
             np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
             for side in (lows, highs)
         )
-        free = np.full(len(self._hinges), np.inf)
-        box = (
-            np.concatenate([lowest, least / counts, below, 0.0 * self._hinges]),
-            np.concatenate([highest, LONGEST / counts, more, free]),
-        )
-        return box, (lbg, ubg)
+        lbx = np.concatenate([lowest, least / counts, below, 0.0 * self._hinges])
+        ubx = np.concatenate([highest, LONGEST / counts, more, np.full(len(self._hinges), np.inf)])
+        return (lbx, ubx), (lbg, ubg)
 
     def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
         """Return the costs (k,) at given variables, as the program computes them."""
@@ -360,17 +359,6 @@ class DrivenProgram:
                 bound[2, -1] = guess.nodes[2, -1]
         return lowest, highest
 
-    def _of_variables(self, lowest: FloatArray, highest: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the lower and upper bounds of variables, given those at nodes: ``lowest`` and ``highest`` (5, n+1).
-
-        The tightest bound counts if nodes share a variable.
-        """
-        indices, _ = self.structure.variable_indices
-        below, above = np.full(indices[-1, -1] + 1, -np.inf), np.full(indices[-1, -1] + 1, np.inf)
-        np.maximum.at(below, indices, lowest)
-        np.minimum.at(above, indices, highest)
-        return below, above
-
     def _parameters(self, guess: Guess, targets: CostTargets, regular: float = 1.0) -> FloatArray:
         """Return the values of the program's parameters, with HASTE and EFFORT multiplied by ``regular``."""
         regulariser = regular * np.array([HASTE, EFFORT]) / guess.lasts.sum()
@@ -382,13 +370,11 @@ class DrivenProgram:
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
         parameters = self._parameters(guess, targets)
-        count = len(point)
-        point = np.concatenate([point, np.zeros(len(self._worst) + len(self._hinges))])
-        point = self._on_hinges(point, parameters)
+        slacks, count = np.zeros(len(self._worst) + len(self._hinges)), len(point)
+        point = self._on_hinges(np.concatenate([point, slacks]), parameters)
         if self._worst:
-            point[count : count + len(self._worst)] = np.array(self._formulas.values(point, parameters)).ravel()[
-                self._worst
-            ]
+            honest = np.array(self._formulas.values(point, parameters)).ravel()
+            point[count : count + len(self._worst)] = honest[self._worst]
         return point, parameters
 
     def _on_hinges(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
