@@ -103,13 +103,13 @@ def test_what_cannot_be_fitted_is_refused():
 
 @pytest.mark.proof
 def test_intervals_hold_and_tests_find_nothing_where_there_is_nothing():
-    """Simulate 200 studies with 36 people; bounds leave room for chance."""
+    """Simulate 100 studies with 36 people; bounds leave room for chance."""
     inside, alarms = 0, np.zeros(3)
-    for seed in range(200):
+    for seed in range(100):
         values, places = rated(np.random.default_rng(seed), 36, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), deviation=1.5)
         found = crossover(values, places, before=True)
         effect, error = found.contrast(np.eye(6)[0])
         inside += abs(effect) < 1.96 * error
         alarms += [found.without[name].p < 0.05 for name in ("stimulus", "place", "before")]
-    assert inside >= 180
-    assert (alarms <= 24).all()
+    assert inside >= 88
+    assert (alarms <= 14).all()

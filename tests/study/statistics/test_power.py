@@ -143,3 +143,10 @@ def test_the_figures_are_told():
         .text()
         .startswith("With 35 people the Wilcoxon test finds the difference (p < 0.05) in ")
     )
+
+
+@pytest.mark.proof
+def test_the_mixed_model_finds_as_much_as_friedmans_test_and_nothing_where_there_is_nothing():
+    found = power((0, 0.25, 0.5), n=36, correlation=0.6, test="mixed", simulations=150, seed=1)
+    assert found.high > power((0, 0.25, 0.5), n=36, correlation=0.6, simulations=1000).power
+    assert power((0, 0, 1e-9), n=36, correlation=0.6, test="mixed", simulations=150, seed=1).low < 0.05
