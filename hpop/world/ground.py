@@ -6,7 +6,7 @@ People are not part of the ground, so worlds that differ only in people share a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Callable, Hashable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import count
 from threading import RLock
@@ -111,20 +111,27 @@ class _Budget:
                 del cache._values[key]
 
 
-def nbytes(value: Any) -> int:
-    """Return the memory, bytes, of a value: of all arrays and coordinates in it, its items, or its attributes."""
+def nbytes(value: Any, within: tuple[int, ...] = ()) -> int:
+    """Return the memory, bytes, of a value: of all arrays and coordinates in it, its items, or its attributes.
+
+    Caches count for nothing, as their own budget counts them, and neither does a value ``within`` (by id) itself, such
+    as a person who is their own prediction.
+    """
+    if isinstance(value, Cache) or id(value) in within:
+        return 0
     if isinstance(value, BaseGeometry):
         return 16 * int(shapely.get_num_coordinates(value))
     size = getattr(value, "nbytes", None)
     if isinstance(size, int):
         return size
+    parts: Iterable[Any] = ()
     if isinstance(value, tuple | list):
-        return sum(map(nbytes, value))
-    if isinstance(value, dict):
-        return sum(map(nbytes, value.values()))
-    if type(value).__module__.startswith("hpop."):
-        return sum(map(nbytes, vars(value).values()))
-    return 0
+        parts = value
+    elif isinstance(value, dict):
+        parts = value.values()
+    elif type(value).__module__.startswith("hpop."):
+        parts, within = vars(value).values(), (*within, id(value))
+    return sum(nbytes(part, within) for part in parts)
 
 
 def extent_of(obstacles: Sequence[Obstacle], raster: Raster | None) -> BaseGeometry:
