@@ -225,7 +225,8 @@ def _page(
         "words": {key: texts[key] for key in SAID},
         "licence": licence(),
     }
-    return single_page("ride.js", name, payload)
+    may_play = shown_by is not None and shown_by["video"] is not None
+    return single_page("ride.js", name, payload, connect="'self'" if may_play else "'none'")
 
 
 def _without_names(scene: dict[str, Any]) -> dict[str, Any]:
