@@ -65,8 +65,9 @@ def preregistration(
             "are replaced, in an equal order; data of those who withdraw are deleted.",
         ],
         "Variables": [
-            "**Manipulated.** The stimulus; the place in the order is balanced.",
+            f"**Manipulated.** {' x '.join(['trajectory', *_factors(design)])}; the place in the order is balanced.",
             "**Measured.**\n\n" + "\n".join(_measured(one) for one in design.questionnaires),
+            f"**Tasks during a stimulus.** {_tasks(design) or 'none'}.",
         ],
         "Analysis plan": [
             f"**Primary score.** {form}.{name} ({better}).",
@@ -99,6 +100,24 @@ def _strata(design: Design) -> str:
     """Return the strata with their levels."""
     levels = {name: sorted({person.strata[name] for person in design.enrolled}) for name in design.enrolled[0].strata}
     return "; ".join(f"{name} ({', '.join(of)})" for name, of in levels.items())
+
+
+def _factors(design: Design) -> list[str]:
+    """Return the factors beside the trajectory, with their levels."""
+    names = dict.fromkeys(name for one in design.conditions for name in one.factors)
+    levels = {
+        name: dict.fromkeys(str(one.factors[name]) for one in design.conditions if name in one.factors)
+        for name in names
+    }
+    return [f"{name} ({', '.join(of)})" for name, of in levels.items()]
+
+
+def _tasks(design: Design) -> str:
+    """Return the tasks with their options."""
+    return "; ".join(
+        f"{name} ({', '.join(f'{option} {value:g}' for option, value in options.items())})"
+        for name, options in design.protocol.options.items()
+    )
 
 
 def _measured(form: Form) -> str:

@@ -38,7 +38,7 @@ def score_tables(
     labels, values = [label(design, letter) for letter in matrix.conditions], matrix.values
     wanted: dict[str, Callable[[], Sequence[Row]]] = {"scores": lambda: _quartile_rows(labels, values, before)}
     if method == "mixed":
-        wanted |= _mixed(labels, matrix, correction)
+        wanted |= _mixed(labels, matrix, correction, design)
         wanted["balance"] = lambda: _balance(labels, matrix, design)
         return _made(wanted)
     if len(labels) >= LEAST_STIMULI or method == "paper":
@@ -211,15 +211,17 @@ def _signed_rank_rows(
     ]
 
 
-def _mixed(labels: Sequence[str], matrix: Matrix, correction: Correction) -> dict[str, Callable[[], Sequence[Row]]]:
+def _mixed(
+    labels: Sequence[str], matrix: Matrix, correction: Correction, design: Design
+) -> dict[str, Callable[[], Sequence[Row]]]:
     """Return the functions that compute the tables of an ordinal mixed model, by name."""
     k, values, places = len(labels), matrix.values, matrix.places
-    people = {"people": int((~np.isnan(values)).any(axis=1).sum()), "scores": int((~np.isnan(values)).sum())}
+    known = ~np.isnan(values)
     plain = cache(lambda: statistics.crossover(values, places))
     carried = cache(lambda: statistics.crossover(values, places, before=True))
 
     def ratio(name: str, test: statistics.Ratio) -> Row:
-        return {"test": name, "chi-square": test.statistic, "df": test.freedom, "p": test.p}
+        return {"test": name, **_chi2(test)}
 
     def pairs() -> Sequence[Row]:
         sides = list(combinations(range(k), 2))
@@ -232,18 +234,21 @@ def _mixed(labels: Sequence[str], matrix: Matrix, correction: Correction) -> dic
         ]
 
     def before() -> Sequence[Row]:
-        columns = np.vstack([np.eye(k - 1), -np.ones(k - 1)])  # effects of all stimuli add up to 0
-        weights = np.hstack([np.zeros((k, 2 * k - 2)), columns])
-        return [
-            {"stimulus before": name, **_odds(*carried().contrast(weight))}
-            for name, weight in zip(labels, weights, strict=True)
-        ]
+        weights = np.zeros((k, 3 * k - 3))
+        weights[:, 2 * k - 2 :] = np.vstack([np.eye(k - 1), -np.ones(k - 1)])  # effects of all stimuli add up to 0
+        return [{"stimulus before": labels[i], **_odds(*carried().contrast(weights[i]))} for i in range(k)]
 
+    levels = {"trajectory": [f"{one.row} {one.name}" for one in design.conditions]}
+    for name in sorted({name for one in design.conditions for name in one.factors}):
+        levels[name] = [str(one.factors.get(name)) for one in design.conditions]
+
+    factors = {"factors": lambda: [ratio(*one) for one in statistics.factorial(values, places, levels).without.items()]}
     return {
         "test": lambda: [
             {**ratio("Ordinal mixed model", plain().without["stimulus"]), "deviation of people": plain().fit.deviation}
-            | people
+            | {"people": int(known.any(axis=1).sum()), "scores": int(known.sum())}
         ],
+        **(factors if len(levels) > 1 else {}),
         "pairs": pairs,
         "places": lambda: _by_place(matrix),
         "carry-over": lambda: [
@@ -291,7 +296,7 @@ def _carried_over(matrix: Matrix) -> list[Row]:
     return rows
 
 
-def _chi2(test: statistics.Related | statistics.Independent) -> Row:
+def _chi2(test: statistics.Related | statistics.Independent | statistics.Ratio) -> Row:
     """Return the columns of a chi-square test."""
     return {"chi-square": test.statistic, "df": test.freedom, "p": test.p}
 

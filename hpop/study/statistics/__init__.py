@@ -9,7 +9,7 @@ simulation.
 from __future__ import annotations
 
 from hpop.study.statistics.choices import Multinomial, Share, Strengths, bradley_terry, multinomial, share
-from hpop.study.statistics.ordinal import Crossover, OrdinalFit, Ratio, crossover, ordinal_mixed
+from hpop.study.statistics.ordinal import Crossover, OrdinalFit, Ratio, crossover, factorial, ordinal_mixed
 from hpop.study.statistics.pairs import Pair, wilcoxon
 from hpop.study.statistics.power import Power, power
 from hpop.study.statistics.scores import (
@@ -44,6 +44,7 @@ __all__ = [
     "crossover",
     "describe",
     "dunn",
+    "factorial",
     "friedman",
     "kruskal",
     "multinomial",

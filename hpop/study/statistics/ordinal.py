@@ -8,7 +8,7 @@ Python has no library for such models that we would call well kept: statsmodels'
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple, cast
@@ -213,8 +213,9 @@ def _negative(parameters: FloatArray, data: Ordered, nodes: int = NODES) -> tupl
 class Crossover(NamedTuple):
     """Ordinal mixed model of stimuli that each person rated in an order of their own.
 
-    fit      k - 1 stimuli against the first, then k - 1 places against the first, then effects of the stimulus before
-    without  likelihood-ratio tests by what is left out: "stimulus", "place" and, if it is included, "before"
+    fit      k - 1 stimuli against the first, then k - 1 places against the first, then effects of the stimulus before;
+             of :func:`factorial`, levels of each factor against its first, then places
+    without  likelihood-ratio tests by what is left out: "stimulus", "place" and, if included, "before"; or factors
     """
 
     fit: OrdinalFit
@@ -243,12 +244,33 @@ def crossover(values: FloatArray, places: IntArray, *, before: bool = False) -> 
     }
     if before:
         blocks["before"] = np.where(places[..., None] > 1, last[earlier], 0.0)
+    return _left_out(values, blocks)
+
+
+def factorial(values: FloatArray, places: IntArray, labels: Mapping[str, Sequence[str]]) -> Crossover:
+    """Fit and test an ordinal mixed model of scores (n, k) by the factors of the k conditions, and by places (n, k).
+
+    ``labels`` has the level of each condition (k,) by factor. Factors have no interactions in the model.
+
+    Raises StudyError as :func:`ordinal_mixed` does.
+    """
+    n, k = values.shape
+    levels = {name: np.unique(of, return_inverse=True) for name, of in labels.items()}
+    blocks = {
+        name: np.broadcast_to(np.eye(len(found))[index][:, 1:], (n, k, len(found) - 1))
+        for name, (found, index) in levels.items()
+    }
+    return _left_out(values, blocks | {"place": np.eye(k)[places - 1][..., 1:]})
+
+
+def _left_out(values: FloatArray, blocks: Mapping[str, FloatArray]) -> Crossover:
+    """Fit scores (n, k) by all blocks of effects (n, k, p), and test the fit against those without one block."""
     known = ~np.isnan(values)
-    people = np.broadcast_to(np.arange(n)[:, None], (n, k))[known]
+    people = np.broadcast_to(np.arange(len(values))[:, None], values.shape)[known]
 
     def fitted(names: Sequence[str]) -> OrdinalFit:
         effects = np.column_stack([np.empty((int(known.sum()), 0)), *(blocks[name][known] for name in names)])
-        labels = [f"{name} {i}" for name in names for i in range(1, k)]
+        labels = [f"{name} {i}" for name in names for i in range(1, blocks[name].shape[2] + 1)]
         return ordinal_mixed(values[known], people, effects, labels)
 
     full = fitted(list(blocks))

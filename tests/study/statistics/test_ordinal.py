@@ -9,7 +9,7 @@ from scipy.special import expit
 from scipy.stats import norm
 
 from hpop.errors import StudyError
-from hpop.study.statistics import crossover, ordinal_mixed
+from hpop.study.statistics import crossover, factorial, ordinal_mixed
 from hpop.study.statistics.ordinal import log_likelihood, thresholds_of
 
 # Randall 1989, bitterness of wine: 8 bottles (cold without contact twice, with contact twice, then warm), 9 judges.
@@ -88,6 +88,15 @@ def test_effects_of_stimuli_and_of_the_stimulus_before_are_found():
     assert found.without["stimulus"].p < 1e-3
     assert found.without["before"].p < 1e-3
     assert found.without["place"].p > 0.01
+
+
+def test_a_factor_that_matters_is_told_from_one_that_does_not():
+    """Four conditions: two trajectories, of equal worth, with and without latency."""
+    values, places = rated(np.random.default_rng(4), 60, (0.0, 1.0, 0.0, 1.0), np.zeros(4))
+    found = factorial(values, places, {"trajectory": list("aabb"), "latency": ["0", "0.5"] * 2})
+    assert found.without["latency"].p < 1e-3
+    assert found.without["trajectory"].p > 0.01
+    assert found.fit.effects[:2] == pytest.approx([0.0, 1.0], abs=0.5)
 
 
 def test_what_cannot_be_fitted_is_refused():
