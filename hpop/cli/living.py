@@ -178,7 +178,7 @@ def _robot_of(problem: Problem, options: Mapping[str, Any]) -> tuple[LiveRobot, 
         made = SimulatorOptions(**simulated)
         values = dict(zip(problem.model.space.names, problem.start, strict=True))
         pose = (values["x"], values["y"], values["yaw"])
-        return LiveRobot.simulated(problem.model, pose, made), people_of(problem, made), vars(made)
+        return LiveRobot.simulated(problem.model, pose, made), people_of(problem, pose, made), vars(made)
     delay = simulated.pop("delay", 0.0)
     if wrong := next((key for key, value in simulated.items() if value), None):
         raise OptionError(f"--{wrong} is for the simulated robot; leave it out with --robot")

@@ -270,11 +270,16 @@ class Visitors:
         return found
 
 
-def people_of(problem: Problem, options: SimulatorOptions) -> Pedestrians:
-    """Return the people of a session: a crowd that reacts to the robot, or those of the scenario."""
+def people_of(problem: Problem, pose: Pose, options: SimulatorOptions) -> Pedestrians:
+    """Return the people around a robot at a pose: a crowd that reacts to it, or those of the scenario.
+
+    The crowd is placed here, before a session runs: on a large map this takes seconds, in which a session would stand.
+    """
     reach = clearance_radius(problem.model, 0.0)
     if options.crowd:
-        return Crowd(problem.world, options.crowd, robot=reach, seed=options.seed)
+        crowd = Crowd(problem.world, options.crowd, robot=reach, seed=options.seed)
+        crowd.begin(pose)
+        return crowd
     people = problem.world.content.people
     return Visitors(people, reach + max((person.radius for person in people), default=RADIUS) + KEEPS)
 

@@ -106,9 +106,9 @@ class Crowd:
         self._now = 0.0
 
     def advance(self, t: float, robot_pose: tuple[float, float, float]) -> list[Walking]:
-        """Move on to time ``t``, s, with steps of 0.02 s; the first call places the people."""
+        """Move on to time ``t``, s, with steps of 0.02 s; the first call places the people, unless they have begun."""
         if self._simulation is None:
-            self._begin(robot_pose)
+            self.begin(robot_pose)
         simulation = self._simulation
         for _ in range(round((t - self._now) / STEP)):
             self._now += STEP
@@ -126,8 +126,11 @@ class Crowd:
         agents = [simulation.agent(person) for person in self._people]
         return [(*agent.position, *agent.model.velocity) for agent in agents]
 
-    def _begin(self, robot_pose: tuple[float, float, float]) -> None:
-        """Place the robot and the people, each with a goal, in the part of the floor on which the robot stands."""
+    def begin(self, robot_pose: tuple[float, float, float]) -> None:
+        """Place the robot and the people, each with a goal, in the part of the floor on which the robot stands.
+
+        On a large map this takes seconds.
+        """
         jps, robot = self._library, shapely.Point(robot_pose[:2])
         parts = [part for part in shapely.get_parts(self._floor) if part.covers(robot)]
         if not parts:

@@ -22,7 +22,7 @@ from click.testing import Result
 from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from hpop.cli.living import server_of
-from hpop.errors import OptionError
+from hpop.errors import MapError, OptionError
 from hpop.live.server import LiveServer
 from hpop.live.viewer import Audience
 from tests.cli.conftest import run as run  # a fixture
@@ -95,6 +95,8 @@ def test_a_crowd_walks_about_in_place_of_the_people_of_the_scenario(tmp_path: Pa
             assert all(math.dist(person[:2], robot[:2]) > 0.25 + pedestrians.radius for person in people)
         assert len(people) == 2
         assert all(math.dist(a[:2], b[:2]) > 0.3 for a, b in zip(begin, people, strict=True))
+    with pytest.raises(MapError, match="1000 people do not fit on the map"):  # placed before a session begins
+        server_of(tmp_path / "room.yaml", tmp_path / "out", (), {"crowd": 1000})
 
 
 class Telling(Audience):
