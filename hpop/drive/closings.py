@@ -88,7 +88,7 @@ class Closing:
         collision = model.collision(self.world_of_area)
         if not self.person:
             return collision
-        return Leaving(model.platform, self.place, collision)
+        return Leaving.of(model.platform, self.place, self.area, collision)
 
     @cached_property
     def zone(self) -> Zone:

@@ -23,6 +23,7 @@ from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.timed_drive_graph import LatestOnlyWorker, ScheduledPath, TimedDriveGraph
 from hpop.drive.tour import TourGraphs
+from hpop.drive.ways_out import described, held, led_out
 from hpop.errors import DriveError, QueryError
 from hpop.planners.base import Candidates, Planner
 from hpop.planners.graphs.run_speeds import run_speed_graph
@@ -108,9 +109,15 @@ class Replanner:
         deadline  s of processor time of this thread, None for no deadline
         answer    the logged result of the same search, if its deadline ended it
         """
-        if now.moving:
-            return self._search_on_clock(now, problem, commit, present, deadline, answer)
-        return self._search(now, problem, commit, present, deadline, answer)
+        search = self._search_on_clock if now.moving else self._search
+        found = search(now, problem, commit, present, deadline, answer)
+        is_lost = found.candidates.status is Status.NO_PATH and self._tours is None
+        if not is_lost or not now.touched(commit.state, commit.time):
+            return found
+        out = led_out(self._without_time(now) if now.moving else self.graph(now), problem, now, commit, self.objectives)
+        if out is None:
+            return found._replace(candidates=held(found.candidates, problem.model))
+        return ReplanResult(out, math.inf, found.labels, described(out.trajectories) if now.moving else None)
 
     def _search_on_clock(
         self,
@@ -174,9 +181,8 @@ class Replanner:
     def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
         """Return known trajectories as the result of a query while the graph on the clock is being built."""
         trajectories = complete(problem, trajectories)
-        answer = {"ways": [trajectory.describe() for trajectory in trajectories]}
         candidates = of_remaining(rechecked(self.planner.name, problem, self.objectives, trajectories), problem)
-        return ReplanResult(candidates, math.inf, 0, answer)
+        return ReplanResult(candidates, math.inf, 0, described(trajectories))
 
     # The graph on the clock, built in another thread
 
@@ -345,12 +351,6 @@ class Replanner:
             paths = graph.remaining_paths(prepared, node, known, present_arcs, deadline)
         else:
             paths = graph.restored(node, answer)
-        if paths.status is Status.NO_PATH and self._tours is None and now.touched(commit.state, commit.time):
-            with suppress(QueryError):  # no motion leads from there to the graph
-                other = self.graph(now).from_beside(problem, always=True)
-                start = other.beginning(commit.state)
-                again = other.remaining_paths(other.prepared(), start, [], None, deadline)
-                graph, node, paths = (graph, node, paths) if again.status is Status.NO_PATH else (other, start, again)
         if self._tours is not None:
             self._tours.keep(graph, paths.places)
         elif graph is self._graph:

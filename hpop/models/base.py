@@ -111,6 +111,8 @@ class PlanarModel(Model):
     """The kind of law by which the robot executes motions of a planned kind; other kinds are executed as planned."""
     speed_classes: tuple[float, ...] = ()
     """Speeds, m/s, among which straight moves choose; with several, the laws are those of `hpop.models.speeds`."""
+    reverses: bool = False
+    """Whether the robot may drive backwards to get clear of people who touch it; planners plan no reverse otherwise."""
 
     @property
     @abstractmethod

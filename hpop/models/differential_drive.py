@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.base.options import LEAST, MOST, real, set_reals
+from hpop.base.options import LEAST, MOST, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
@@ -35,8 +35,8 @@ LONGEST = 20.0  # m: larger robots must be a mistake in the unit
 SLOWEST = 1e-3  # m/s, m/s², rad/s, rad/s²: smallest speed or acceleration that an option of a robot may have
 
 
-def doubtful(law: Law, start: States, end: States) -> BoolArray:
-    """Return a mask (M,) of motions of one law that go sideways or backwards, which wheels cannot do.
+def doubtful(law: Law, start: States, end: States, *, reverses: bool = False) -> BoolArray:
+    """Return a mask (M,) of motions of one law that go sideways or, unless the robot ``reverses``, backwards.
 
     All curves are in the mask, because only the slower check :func:`faults` can judge them.
     """
@@ -45,8 +45,8 @@ def doubtful(law: Law, start: States, end: States) -> BoolArray:
     if not {"x", "y"} <= law.varies:
         return np.zeros(start.size, dtype=bool)
     dx, dy, ahead, left = end.x - start.x, end.y - start.y, np.cos(start.yaw), np.sin(start.yaw)
-    astray: BoolArray = (np.abs(dy * ahead - dx * left) > CLOSE) | (dx * ahead + dy * left < -CLOSE)
-    return astray
+    astray: BoolArray = np.abs(dy * ahead - dx * left) > CLOSE
+    return astray if reverses else astray | (dx * ahead + dy * left < -CLOSE)
 
 
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
@@ -62,7 +62,7 @@ def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
         if is_curve(law):
             curved[of_law] = True
         else:
-            wrong[of_law] = doubtful(law, states.take(of_law), states.take(of_law + 1))
+            wrong[of_law] = doubtful(law, states.take(of_law), states.take(of_law + 1), reverses=model.reverses)
     if wrong.any():
         first = int(np.argmax(wrong))
         yield f"goes sideways or backwards in motion {first}, a {trajectory.kinds[first]}"
@@ -159,6 +159,8 @@ class DifferentialDrive(PlanarModel):
     seat               m       position (ahead, left, height) of a passenger's seat, for the criteria of felt motion, as
                                on a wheelchair; None for no seat. The passenger must fit in the footprint and under
                                ``body_height``
+    reverses                   whether it may drive backwards where people who touch it leave no other way; plans do not
+                               reverse otherwise
 
     Motions follow the planned laws of :mod:`hpop.models.laws`. The default speed of 1 m/s is the one that users prefer.
     Turns are fast by default, because a faster turn by a given angle shortens the sensory conflict (Widdowson et al.
@@ -180,6 +182,7 @@ class DifferentialDrive(PlanarModel):
     speeds: float | tuple[float, ...] | None = None
     turn_rates: float | tuple[float, ...] | None = None
     seat: Position | None = None
+    reverses: bool = False
 
     def __post_init__(self) -> None:
         for one, several, unit in (("speed", "speeds", "m/s"), ("turn_rate", "turn_rates", "rad/s")):
@@ -199,6 +202,7 @@ class DifferentialDrive(PlanarModel):
         object.__setattr__(self, "field_of_view", checked_field_of_view(self.field_of_view))
         object.__setattr__(self, "camera_offset", checked_offset(self.camera_offset))
         object.__setattr__(self, "seat", checked_seat(self.seat))
+        truth("reverses", self.reverses, error=ModelError)
         if self.footprint is not None:
             object.__setattr__(self, "footprint", checked_footprint(self.footprint))
 
@@ -307,7 +311,7 @@ class DifferentialDrive(PlanarModel):
 
         These are motions that go sideways or backwards, all curves, and motions with one of several speeds.
         """
-        return doubtful(law, start, end) | doubtful_speeds(law, start, end)
+        return doubtful(law, start, end, reverses=self.reverses) | doubtful_speeds(law, start, end)
 
 
 def checked_offset(offset: Any) -> tuple[float, float]:

@@ -216,6 +216,11 @@ class PanTilt(OnBase, PlanarModel):
         return self.base.speed_classes
 
     @property
+    def reverses(self) -> bool:  # type: ignore[override]  # of its base
+        """Return whether the base may drive backwards to get clear of people who touch it."""
+        return self.base.reverses
+
+    @property
     def paces(self) -> tuple[Mapping[str, str], ...]:
         """Kinds of turns of the base, and of "unwind", among which a plan chooses, from slow to fast; () for one."""
         return tuple({**pace, "unwind": f"unwind{_ending(pace)}"} for pace in self.base.paces)

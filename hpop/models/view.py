@@ -34,6 +34,7 @@ Turning = Literal["fixed", "level", "unwound"]
 UPSIDE_DOWN = 1e-9  # least 1 + cos of the camera's tilt for which the yaw of a level view is defined
 OF_ROBOT = (
     *("provides", "space", "laws", "parts", "platform", "mounts", "joints", "executed", "speed_classes", "paces"),
+    "reverses",
     *(
         "notes",
         "links",

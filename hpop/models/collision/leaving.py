@@ -30,6 +30,7 @@ SHARES = np.append(np.array([0.0, 1e-4]), np.linspace(0.0, 1.0, 65)[1:])
 AT_ONCE = 500
 """Number of motions that are tested together: each needs some kB for the outline at every share."""
 SHRINKS = 1e-7  # m: tolerance for a shrinking gap, from rounding errors
+HAIR = 1e-3  # m: a motion that begins nearer to a body is tested on samples, as the exact test of turns has a tolerance
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,11 +40,18 @@ class Leaving:
     parts  collision parts of the robot
     place  (x, y) m, centre of the person's body
     body   ordinary collision test of the robot with this body alone
+    size   m, radius of the body
     """
 
     parts: Sequence[Part]
     place: tuple[float, float]
     body: Any
+    size: float
+
+    @classmethod
+    def of(cls, parts: Sequence[Part], place: tuple[float, float], area: BaseGeometry, body: Any) -> Leaving:
+        """Return the test with the body of a person that covers an area, m."""
+        return cls(parts, place, body, float(np.sqrt(area.area / np.pi)))
 
     def states_free(self, states: States) -> BoolArray:
         """Return whether the robot is clear of the body in each state (N,)."""
@@ -53,11 +61,12 @@ class Leaving:
     def motions_free(self, motions: Motions) -> BoolArray:
         """Return whether each motion (M,) keeps clear of the body, or begins in contact and does not shrink the gap.
 
-        Once the robot is clear of the body, it must stay clear. A motion may also end in contact.
+        Once the robot is clear of the body, it must stay clear. A motion may also end in contact. A motion that begins
+        within `HAIR` of the body may keep clear of it by less than the tolerance of its test.
         """
         free: BoolArray = self.body.motions_free(motions)
         some = np.flatnonzero(~free)
-        some = some[~self.body.states_free(motions.start.take(some))]
+        some = some[self.gap(motions.start.take(some)) < self.size + HAIR]
         for first in range(0, some.size, AT_ONCE):
             rows = some[first : first + AT_ONCE]
             free[rows] = self._leads_out(motions, rows)
@@ -155,8 +164,11 @@ def planar_collision(parts: tuple[Part, ...], world: World) -> PlanarCollision:
     if not world.content.left:
         return PlanarCollision(parts, world.for_robots)
     tests = [
-        Leaving(
-            parts, (world.content.people[i].x, world.content.people[i].y), PlanarCollision(parts, world_of_area(body))
+        Leaving.of(
+            parts,
+            (world.content.people[i].x, world.content.people[i].y),
+            body,
+            PlanarCollision(parts, world_of_area(body)),
         )
         for i, body in world.content.bodies.items()
         if i in world.content.left

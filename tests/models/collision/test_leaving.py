@@ -85,7 +85,7 @@ def test_rrt_refuses_a_start_in_contact_and_says_which_planners_do_not():
 def test_a_move_towards_somebody_in_contact_is_not_free_and_one_along_the_tangent_is():
     person = Person(0.53, 0.0)
     body = shapely.Point(0.53, 0).buffer(0.25)
-    leaving = Leaving(ROUND.parts, (0.53, 0.0), PlanarCollision(ROUND.parts, world_of_area(body)))
+    leaving = Leaving.of(ROUND.parts, (0.53, 0.0), body, PlanarCollision(ROUND.parts, world_of_area(body)))
     world = HALL.with_content(people=[person])
     angles = np.radians([0.0, 45.0, 89.0, 90.0, 91.0, 135.0, 180.0])
     zero = 0.0 * angles
@@ -138,7 +138,7 @@ def test_a_margin_is_kept_from_people_who_stand(planner):
 def test_many_motions_out_of_contact_are_tested_in_little_memory():
     """A roadmap of 60 samples had taken 560 MB, ten times what its planner was allowed, for its turns in contact."""
     body = shapely.Point(0.53, 0).buffer(0.25)
-    leaving = Leaving(ROUND.parts, (0.53, 0.0), PlanarCollision(ROUND.parts, world_of_area(body)))
+    leaving = Leaving.of(ROUND.parts, (0.53, 0.0), body, PlanarCollision(ROUND.parts, world_of_area(body)))
     angles = np.linspace(0.0, 6.0, 2_000)
     start, end = (States(x=0.0 * angles, y=0.0 * angles, yaw=yaw) for yaw in (angles, angles + 1.0))
     turns = Motions(HALL, ROUND, ROUND.laws["turn"], start, end)
