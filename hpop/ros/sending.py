@@ -106,19 +106,10 @@ class GoalSender(MessageServer):
     def _result(self, message: Mapping[str, Any]) -> None:
         if message.get("id") != self._id:
             raise RosError(f"a result of {shown(message.get('id'))}, which was not sent")
-        values, status = message.get("values"), message.get("status")
         if message.get("result") is not True:  # then the values are a text
-            self._end(printable(f"the goal failed: {values}"))
-        elif status != GoalStatus.SUCCEEDED:
-            told = mapping(values, "the result")
-            said = told.get("error_string") or told.get("error_code") or ""
-            known = next((one.name.lower() for one in GoalStatus if one == status), shown(status))
-            self._end(printable(f"the goal was {known}: {said}".rstrip(": ")))
+            self._end(printable(f"the goal failed: {message.get('values')}"))
         else:
-            code = mapping(values, "the result").get("error_code", 0)
-            code = code.get("val", 0) if isinstance(code, Mapping) else code
-            fine = code in (0, 1)  # SUCCESSFUL of control_msgs, SUCCESS of moveit_msgs
-            self._end("" if fine else printable(f"the goal ended with the error code {shown(code)}"))
+            self._end(outcome(message.get("status"), mapping(message.get("values"), "the result")))
 
     def _status(self, message: Mapping[str, Any]) -> None:
         if message.get("level") == "error":
@@ -128,3 +119,15 @@ class GoalSender(MessageServer):
         if self._is_open:
             self._is_open = False
             self._ended(why)
+
+
+def outcome(status: Any, values: Mapping[str, Any]) -> str:
+    """Return "" if a goal was reached, else the reason, by its final status and the fields of its result."""
+    if status != GoalStatus.SUCCEEDED:
+        said = values.get("error_string") or values.get("error_code") or ""
+        known = next((one.name.lower() for one in GoalStatus if one == status), shown(status))
+        return printable(f"the goal was {known}: {said}".rstrip(": "))
+    code = values.get("error_code", 0)
+    code = code.get("val", 0) if isinstance(code, Mapping) else code
+    fine = code in (0, 1)  # SUCCESSFUL of control_msgs, SUCCESS of moveit_msgs
+    return "" if fine else printable(f"the goal ended with the error code {shown(code)}")

@@ -11,7 +11,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import fields
@@ -22,7 +22,10 @@ from typing import Any
 import pytest
 import shapely
 
+from hpop.base.registry import formats
+from hpop.export import write
 from hpop.ros import GoalPlanner, Interface, PlanarPose
+from tests.export.given import robots
 from tests.live.conftest import Page, served
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -70,15 +73,17 @@ def test_the_planner_calls_hpop_as_it_can_be_called() -> None:
     assert all(len(call.args) == len(PlanarPose._fields) for call in calls("hpop_planner.py", "PlanarPose"))
 
 
-def ros_python() -> tuple[str, dict[str, str]]:
-    """Return the Python of ROS, and its environment; skip the test without one."""
+def ros_python(*more: str) -> tuple[str, dict[str, str]]:
+    """Return the Python of ROS, which also has modules ``more``, and its environment; skip the test without one."""
     python = os.environ.get("HPOP_ROS_PYTHON")
     if not python:
         pytest.skip("HPOP_ROS_PYTHON names no Python with rclpy, nav2_msgs, tf2_msgs and what hpop needs")
     path = os.pathsep.join([str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])])
     own = {"PYTHONPATH": path, "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_DOMAIN_ID": "87"}
     environment = os.environ | own
-    there = subprocess.run([python, "-c", NEEDED], env=environment, capture_output=True, text=True, check=False)
+    there = subprocess.run(
+        [python, "-c", ", ".join([NEEDED, *more])], env=environment, capture_output=True, text=True, check=False
+    )
     if there.returncode:
         pytest.skip(f"HPOP_ROS_PYTHON lacks something: {there.stderr.splitlines()[-1]}")
     return python, environment
@@ -153,6 +158,65 @@ def test_the_planner_plans_in_rclpy(tmp_path: Path) -> None:
     found = said("hpop_planner.py", "plans", tmp_path)
     check_plans(found)
     assert found[""] == found["knee"]  # by the pose that tf tells
+
+
+ARM = robots()["serial arm"]
+
+
+def exported(folder: Path) -> Path:
+    """Write the goal of a short motion of an arm of six joints, and return its file."""
+    return write(ARM, folder / f"motion{formats['follow-joint-trajectory'].suffix}", body="joints")
+
+
+@contextmanager
+def controller(folder: Path, goals: int) -> Iterator[Any]:
+    """Run a simulated controller, whose arm stands at the start; yield a function that returns what it says."""
+    python, environment = ros_python("control_msgs.action")
+    command = [python, str(Path(__file__).with_name("rclpy_arm.py")), str(goals), *["0.1"] * 6]
+    with subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as arm:
+        try:
+            assert arm.stderr is not None
+            assert arm.stderr.readline() == "ready\n"
+            yield lambda: json.loads(arm.communicate(timeout=60)[0])
+        finally:
+            arm.kill()
+
+
+def check_arm(found: Any, said: list[tuple[int, str]]) -> None:
+    """Check that the first goal was driven as exported, and the same goal was then refused with its reason."""
+    first, again = found
+    assert first["joints"] == list(ARM.model.joints)
+    assert (first["rising"], first["ends at rest"]) == (True, True)
+    assert first["duration"] == pytest.approx(ARM.execution().duration, abs=1e-6)
+    assert first["state"] == pytest.approx([0.2] * 6)
+    assert 0.0 < first["fastest"] <= 1.05 * first["planned"]  # positions and velocities fit each other
+    assert again["state"] == first["state"]
+    assert [code for code, _ in said] == [0, 1]
+    assert "the goal was reached" in said[0][1]
+    assert "the goal was aborted: it begins 0.10 rad off" in said[1][1]
+
+
+def runs(command: list[str], environment: Mapping[str, str]) -> tuple[int, str]:
+    """Run a command, and return its exit code and what it prints."""
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=120)
+    return done.returncode, done.stdout + done.stderr
+
+
+@pytest.mark.proof
+def test_the_sender_drives_an_arm_in_rclpy_and_says_why_not(tmp_path: Path) -> None:
+    python, environment = ros_python("control_msgs.action")
+    command = [python, str(FOLDER / "hpop_send.py"), str(exported(tmp_path))]
+    with controller(tmp_path, 2) as goals:
+        said = [runs(command, environment) for _ in range(2)]
+        check_arm(goals(), said)
+
+
+@pytest.mark.proof
+def test_hpop_ros_send_drives_an_arm_through_the_real_rosbridge(tmp_path: Path) -> None:
+    with rosbridge(tmp_path) as url, controller(tmp_path, 2) as goals:
+        command = [sys.executable, "-m", "hpop", "ros", "send", str(exported(tmp_path)), "--url", url]
+        said = [runs(command, os.environ | {"PYTHONPATH": str(ROOT)}) for _ in range(2)]
+        check_arm(goals(), said)
 
 
 def listens(port: int) -> bool:
