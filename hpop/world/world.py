@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -246,8 +247,14 @@ class World(FromCells, FromFiles):
         content = self.content
         if (content.kept, content.left) == (margin, left):
             return self
-        kept = replace(content, kept=margin, left=left)
-        return self.derived(("keeping", margin, left), lambda: replace(self, content=kept))
+        if (margin, left) not in self._kept_clear:
+            self._kept_clear[margin, left] = replace(self, content=replace(content, kept=margin, left=left))
+        return self._kept_clear[margin, left]
+
+    @cached_property
+    def _kept_clear(self) -> dict[tuple[float, tuple[int, ...]], World]:
+        """Return the worlds that `keeping` has returned so far by (margin, left), so that derived values are reused."""
+        return {}
 
     def blocked(self, z_min: float = -math.inf, z_max: float = math.inf) -> BaseGeometry:
         """Return the region, m, where the robot must not be: `solid` in a range of heights, and `closed` at any height.
