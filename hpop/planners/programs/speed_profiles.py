@@ -376,14 +376,15 @@ class Profiles:
         """Return the profile (b at each position) of least discomfort within a duration, s; None if no solver finds it.
 
         start  profile within this duration. With a limit of jerk, programs are solved one after another, and the first
-               one begins with it. A weighted discomfort is improved from it, and from the profile of least unweighted
-               acceleration; the better local minimum is returned
+               one begins with it. A weighted discomfort is improved from the profile of least unweighted acceleration,
+               and ``start`` is returned if it is better
         """
         program, most = self._gentlest
         most.value = duration
         found = self._improved(program, start, self.cost)
         if self._weighted is None:
             return found
-        begins = [start] if found is None else [start, found]
-        improved = [self._weighted.improved(b, duration) for b in begins]
-        return min([*begins, *(self.within_limits(b) for b in improved if b is not None)], key=self.cost)
+        gentle = start if found is None else found
+        improved = self._weighted.improved(gentle, duration)
+        candidates = [start, gentle] if improved is None else [start, gentle, self.within_limits(improved)]
+        return min(candidates, key=self.cost)
