@@ -37,7 +37,7 @@ def road(car: Ackermann) -> hpop.Trajectory:
     return hpop.Trajectory(car, States(**columns), ("clothoid",) * len(ROAD))
 
 
-def main(folder: Path = Path("out/12_passenger"), points: int = 6) -> hpop.Front:
+def main(folder: Path = Path("out/12_passenger"), points: int = 5) -> hpop.Front:
     """Compute the front of speed profiles, print it, and draw three of them along the way."""
     # Robot: a car of 4.3 m, with a seat 1.2 m ahead of its rear axle, where the passenger feels the ride.
     car = Ackermann(

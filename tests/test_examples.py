@@ -84,6 +84,15 @@ def test_a_survey_of_wifi_is_told_where_it_ends_and_trades_against_length(tmp_pa
     assert front.costs[:, 0].min() < 0.8 * front.costs[np.argmin(front.costs[:, 2]), 0]
 
 
+@pytest.mark.proof
+def test_a_gentle_ride_costs_time_and_saves_most_of_the_dose(tmp_path):
+    front = example("12_passenger.py").main(tmp_path, points=2)
+    (fast, most), (slow, least) = front.costs
+    assert slow == pytest.approx(2 * fast, rel=1e-2)
+    assert least < 0.2 * most
+    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "ride.png"}
+
+
 @pytest.mark.usefixtures("map_alone")
 def test_a_ros_map_is_planned_with_any_heading_at_the_goal(tmp_path, shared_data):
     main = example("02_ros_map.py").main
