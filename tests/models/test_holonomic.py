@@ -86,7 +86,7 @@ def test_sliding_costs_what_a_differential_drive_pays_for_the_same_way_at_the_sa
         for criterion in (own_criterion(name) for name in NAMES):
             name = criterion.name
             if lacking(criterion.requires, base, world):
-                assert {"heading", "wheels", "joints"} & set(criterion.requires)
+                assert {"heading", "wheels", "joints", "seat"} & set(criterion.requires)
                 continue
             if name in ("look_at", "hand_eye_misalignment") and sideways:
                 continue
