@@ -65,7 +65,12 @@ def main(folder: Path = Path("out/04_study"), runs: int = 10, step: float = 0.5)
         participants=36,
         strata={"sex": ("f", "m")},
         consent="SIMULATED: nobody is asked.",
+        protocol=study.Protocol(tasks={"rating": {"every": 10}, "head": {}, "counting": {"least": 2, "most": 5}}),
         seed=7,
+    )
+    tones = design.scheduled("p01", 1)["tasks"]["counting"]["times"]  # low tones, which participants count
+    print(
+        f"p01 hears {len(tones)} tones during the first ride, after {', '.join(f'{t:.1f}' for t in tones[:3])}, ... s"
     )
     analyse(design, folder)
     return trajectories

@@ -78,6 +78,7 @@ def test_schedules_are_seeded_and_differ_between_participants_and_places(front: 
         assert one["reaction"]["times"][-1] <= lasts - 1
         assert one["rating"]["times"] == [4.0 * k for k in range(1, int((lasts - 3) / 4) + 1)]
         assert design.public(who)["places"][place - 1]["tasks"] == one
+    assert "counting (least 1, most 2)" in study.preregistration(design)
     other = study.Design.of(front, [0, 1], participants=2, consent=CONSENT, protocol=design.protocol, seed=1)
     assert other.scheduled("p01", 1) != design.scheduled("p01", 1)
 

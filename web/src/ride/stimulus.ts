@@ -196,7 +196,8 @@ export class StimulusPage {
       const t = ((this.halted ?? now) - this.began) / 1000;
       const isOver = t >= this.duration && this.film === null;
       if (!isOver || !this.stage.isDark) this.frames.shown(now);
-      const seen = Math.min(Math.max(t - (this.given.shown?.latency ?? 0), 0), this.track.duration);
+      const late = t - (this.given.shown?.latency ?? 0);
+      const seen = Math.min(Math.max(this.film?.player.currentTime ?? late, 0), this.track.duration);
       if (this.film !== null) this.stage.stale = true;
       else if (!this.given.still) this.stage.place(this.track, seen);
       this.show(t, seen, now);
