@@ -235,3 +235,33 @@ def test_serve_says_where_and_what_cannot_be_served_is_told(study: Study, planne
     Path("s/stimuli/A.html").unlink()
     gone = study("serve", "s", "--port", 0)
     assert (gone.exit_code, "write the stimuli again" in gone.output) == (17, True)
+
+
+def test_tasks_and_factors_of_a_new_study(study: Study, planned: Path) -> None:
+    """A file of tasks and levels of factors become part of the design; mistakes in them are named."""
+    options = [
+        "--front",
+        planned,
+        "--rows",
+        "knee",
+        "--participants",
+        4,
+        "--order",
+        "williams",
+        "--consent",
+        "consent.txt",
+    ]
+    Path("tasks.yaml").write_text("head:\ncounting: {least: 1, most: 2}\n")
+    begun = study("init", "s", *options, "--tasks", "tasks.yaml", "--factor", "latency=0,0.5", "--factor", "cue=none,2")
+    assert begun.exit_code == 0, begun.output
+    design = Design.load("s")
+    assert set(design.protocol.options) == {"head", "counting"}
+    assert {(one.factors["latency"], one.factors["cue"]) for one in design.conditions} == {
+        (late, cue) for late in (0.0, 0.5) for cue in (None, 2.0)
+    }
+    Path("tasks.yaml").write_text("head: {rat: 30}\n")
+    wrong = study("init", "t", *options, "--tasks", "tasks.yaml")
+    assert "each option of tasks.head must be one of rate, got 'rat'. Did you mean 'rate'?" in wrong.output
+    assert "no such file" in study("init", "t", *options, "--tasks", "task.yaml").output.lower()
+    assert "Did you mean 'latency'?" in study("init", "t", *options, "--factor", "latncy=0,1").output
+    assert not Path("t").exists()
