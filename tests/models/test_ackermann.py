@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 import pytest
+import shapely
 from scipy.special import fresnel
 
 import hpop
@@ -274,3 +275,39 @@ def test_the_shape_of_many_clothoids_reproduces_their_ends():
     assert shape.length == pytest.approx(length, abs=1e-5)
     assert shape.curvature(0.0) == pytest.approx(begin, abs=1e-4)
     assert shape.curvature(1.0) == pytest.approx(stop, abs=1e-4)
+
+
+def test_retime_gives_a_car_its_speed_profile_along_the_same_path():
+    """The fastest profile lasts as long as the execution; gentler ones pass the same curve within the limits."""
+    world = hpop.World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
+    free = hpop.Ackermann(steering_rate=None)
+    end = (6.0, 3.0, 1.0)
+    plan = Trajectory.through(free, poses((0, 0, 0), end))
+    problem = hpop.Problem(world, free, (0, 0, 0), end, ["duration"])
+    front = hpop.retime(problem, plan, points=2)
+    assert front.costs[0, 0] == pytest.approx(plan.execution().duration, rel=1e-6)
+    assert (np.diff(front.costs[:, 1]) < 0).all()
+    passed = plan.at(np.linspace(0, plan.duration, 4000))
+    curve = shapely.LineString(np.stack([passed.x, passed.y], axis=1))
+    for trajectory in front.trajectories:
+        assert not list(free.faults(trajectory))
+        times = np.linspace(0, trajectory.duration, 50)
+        states = trajectory.at(times)
+        assert shapely.distance(shapely.points(states.x, states.y), curve).max() < 1e-5
+
+
+@pytest.mark.proof
+def test_without_limits_of_steering_shortest_paths_are_those_of_a_differential_drive():
+    """As the wheelbase falls and the wheels steer at once, links approach straight lines."""
+    wall = hpop.World.from_polygons([shapely.box(4, 0, 4.4, 5)], extent=shapely.box(0, 0, 10, 8))
+    disc = [(0.2 * math.cos(a), 0.2 * math.sin(a)) for a in np.linspace(0, 2 * math.pi, 16, endpoint=False)]
+    base = hpop.DifferentialDrive(radius=0.2, speed=1.0)
+    ends = (1.0, 1.0, 0.0), (9.0, 1.0, None)
+    known = hpop.Problem(wall, base, *ends, ["length"]).solve({"any-angle": {"step": 0.25}}).costs[0, 0]
+    found = []
+    for wheelbase in (0.4, 0.004):
+        car = hpop.Ackermann(wheelbase=wheelbase, steering=1.0, steering_rate=None, reverse_speed=1.0, footprint=disc)
+        front = hpop.Problem(wall, car, *ends, ["length"]).solve({"roadmap": {"samples": 400}})
+        found.append(front.costs[0, 0] / known)
+    assert found[1] < found[0]
+    assert 0.99 < found[1] < 1.06

@@ -38,6 +38,7 @@ STEEPEST = 1.5  # rad: largest steering angle that an option may have
 HEADINGS = 32  # headings that are tried where the goal leaves the heading free
 MOST_ARC = 3.0  # rad: longer arcs are cut, so that no motion turns by more than half a turn
 CLOSE = 1e-6  # relative tolerance of limits
+ROUNDED = 1e-13  # m: largest rounding error of a position
 JUMP = 1e-4  # rad: smallest change of the steering angle that counts as a jump
 
 
@@ -218,9 +219,9 @@ class Ackermann(PlanarModel):
         """Return masks (M,) of the motions with each kind of fault, by its text."""
         shape = law.shape(start, end)
         bends = [np.abs(shape.curvature(share)) for share in (0.0, 1.0)]
-        sharpest = np.maximum(*bends)
+        sharpest, noise = np.maximum(*bends), _noise(shape.length)
         fault = {
-            "bends more sharply than its steering allows": sharpest * self.radius > 1.0 + CLOSE,
+            "bends more sharply than its steering allows": sharpest * self.radius > 1.0 + CLOSE + noise * self.radius,
             "goes backwards": (shape.length < -CLOSE) & (self.reverse_speed == 0.0),
         }
         fastest = top = np.where(shape.length < 0, self.reverse_speed, self.speed)
@@ -230,19 +231,21 @@ class Ackermann(PlanarModel):
         if self.steering_rate is not None:
             straightest = np.where(np.abs(shape.bend) >= np.abs(shape.turn), 0.0, np.minimum(*bends))
             rate = self.wheelbase * np.abs(shape.sharpness) * fastest / (1.0 + (self.wheelbase * straightest) ** 2)
-            fault["steers faster than its steering rate"] = rate > self.steering_rate * (1.0 + CLOSE)
+            slack = self.wheelbase * fastest * noise / np.maximum(np.abs(shape.length), LEAST)
+            fault["steers faster than its steering rate"] = rate > self.steering_rate * (1.0 + CLOSE) + slack
         return {text: np.asarray(wrong) for text, wrong in fault.items()}
 
     def _jumps(self, trajectory: Trajectory) -> Iterator[str]:
         """Yield a text for the first state that the car passes at speed although its steering angle jumps there."""
         if self.steering_rate is None:
             return
-        angles = self.steering_angles(trajectory)
+        angles, noise = self.steering_angles(trajectory), self.wheelbase * _noise(_lengths(self, trajectory))
         pace = getattr(trajectory.states, PACE, np.ones(len(trajectory) + 1))
         kinds, drives = trajectory.kinds, [PACE in laws_of(self)[kind].extra for kind in trajectory.kinds]
         for i in range(1, len(trajectory)):
             moves = bool(pace[i] > 0) if drives[i] else kinds[i - 1] == kinds[i] == "clothoid"
-            if moves and abs(angles[1][i - 1] - angles[0][i]) > JUMP and HOLD.kind not in kinds[i - 1 : i + 1]:
+            jump = abs(angles[1][i - 1] - angles[0][i])
+            if moves and jump > JUMP + noise[i - 1] + noise[i] and HOLD.kind not in kinds[i - 1 : i + 1]:
                 yield f"passes state {i} at speed, although its steering angle jumps there"
                 return
 
@@ -257,6 +260,11 @@ class Ackermann(PlanarModel):
                 for side, share in enumerate((0.0, 1.0)):
                     found[side, rows] = np.arctan(self.wheelbase * shape.curvature(share))
         return found[0], found[1]
+
+
+def _noise(length: FloatArray) -> FloatArray:
+    """Return by how much (N,), 1/m, rounding of the poses may change the curvature of motions of some lengths, m."""
+    return ROUNDED / np.maximum(length * length, ROUNDED)
 
 
 def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatArray]:

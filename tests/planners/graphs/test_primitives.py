@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from hpop.motions import States
 from hpop.planners.graphs import PrimitivesGraph
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.searches.exact import Exact
+from hpop.scenario import load_scenario
 from tests.search.conftest import front_by_closure
 
 CAR = hpop.Ackermann()
@@ -212,3 +214,14 @@ def test_a_tour_on_the_lattice_visits_its_stop():
         at = trajectory.states.take([trajectory.kinds.index("hold")])
         assert math.dist((float(at.x[0]), float(at.y[0])), (3.0, 4.5)) <= 0.6 + 1e-9
         assert not list(CAR.faults(trajectory.execution()))
+
+
+@pytest.mark.proof
+def test_the_car_of_the_example_parks_within_its_limits():
+    """The front trades time for felt acceleration; plans and executions keep all limits of the shuttle."""
+    problem = load_scenario(Path(__file__).parents[3] / "examples/car_park.yaml").problem
+    found = problem.solve({"exact": {"on": "primitives"}})
+    assert len(found) > 5
+    for trajectory in found.trajectories:
+        assert not list(problem.model.faults(trajectory))
+        assert not list(problem.model.faults(trajectory.execution()))
