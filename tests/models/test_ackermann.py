@@ -277,25 +277,6 @@ def test_the_shape_of_many_clothoids_reproduces_their_ends():
     assert shape.curvature(1.0) == pytest.approx(stop, abs=1e-4)
 
 
-def test_retime_gives_a_car_its_speed_profile_along_the_same_path():
-    """The fastest profile lasts as long as the execution; gentler ones pass the same curve within the limits."""
-    world = hpop.World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
-    free = hpop.Ackermann(steering_rate=None)
-    end = (6.0, 3.0, 1.0)
-    plan = Trajectory.through(free, poses((0, 0, 0), end))
-    problem = hpop.Problem(world, free, (0, 0, 0), end, ["duration"])
-    front = hpop.retime(problem, plan, points=2)
-    assert front.costs[0, 0] == pytest.approx(plan.execution().duration, rel=1e-6)
-    assert (np.diff(front.costs[:, 1]) < 0).all()
-    passed = plan.at(np.linspace(0, plan.duration, 4000))
-    curve = shapely.LineString(np.stack([passed.x, passed.y], axis=1))
-    for trajectory in front.trajectories:
-        assert not list(free.faults(trajectory))
-        times = np.linspace(0, trajectory.duration, 50)
-        states = trajectory.at(times)
-        assert shapely.distance(shapely.points(states.x, states.y), curve).max() < 1e-5
-
-
 @pytest.mark.proof
 def test_without_limits_of_steering_shortest_paths_are_those_of_a_differential_drive():
     """As the wheelbase falls and the wheels steer at once, links approach straight lines."""
