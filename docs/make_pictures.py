@@ -80,13 +80,6 @@ RECIPES = [
         {"map": "The same on a map that a robot has recorded"},
         " examples/notebooks/floor.yaml 1.2 -3 12.6 2.3",
     ),
-    example(
-        "12_passenger",
-        {
-            "ride": "A passenger on a road: speed and felt acceleration of a fast, a balanced and a gentle ride",
-            "front": "Its front: the time of the ride against the passenger's motion sickness dose",
-        },
-    ),
     Recipe(
         "03_own_criterion",
         "hpop plan examples/own_criterion.yaml --out out/own_criterion --import examples/03_own_criterion.py",
@@ -137,6 +130,13 @@ RECIPES = [
         "11_wifi_survey",
         {"map": "A floor, shaded by the strength of its Wi-Fi; paths that trade it against turns and length"},
         " examples/notebooks/floor.yaml 1.2 -3 12.6 2.3",
+    ),
+    example(
+        "12_passenger",
+        {
+            "ride": "A passenger on a road: speed and felt acceleration of a fast, a balanced and a gentle ride",
+            "front": "Its front: the time of the ride against the passenger's motion sickness dose",
+        },
     ),
     Recipe(
         "paper_figure",

@@ -11,7 +11,6 @@ import numpy as np
 import shapely
 
 import hpop
-from hpop.models import Ackermann
 from hpop.motions import States
 from hpop.view import draw_front, draw_map
 
@@ -24,7 +23,7 @@ ROAD = [
 ]  # fmt: skip
 
 
-def road(car: Ackermann) -> hpop.Trajectory:
+def road(car: hpop.Ackermann) -> hpop.Trajectory:
     """Return the ride along the road at cruise speed: clothoids and straight lines."""
     poses, yaw, bend = [(0.0, 0.0, 0.0)], 0.0, 0.0
     for length, after in ROAD:
@@ -40,7 +39,7 @@ def road(car: Ackermann) -> hpop.Trajectory:
 def main(folder: Path = Path("out/12_passenger"), points: int = 5) -> hpop.Front:
     """Compute the front of speed profiles, print it, and draw three of them along the way."""
     # Robot: a car of 4.3 m, with a seat 1.2 m ahead of its rear axle, where the passenger feels the ride.
-    car = Ackermann(
+    car = hpop.Ackermann(
         wheelbase=2.6,
         steering=0.55,
         steering_rate=0.4,

@@ -203,7 +203,7 @@ def test_the_dose_of_a_program_is_that_of_the_trajectory_pauses_included():
 
 def car_ride(*poses, **options):
     """Return the shortest ride of a car through poses."""
-    car = hpop.models.Ackermann(seat=(0.4, 0.0, 0.6), speed=2.0, steering_rate=0.8, **options)
+    car = hpop.Ackermann(seat=(0.4, 0.0, 0.6), speed=2.0, steering_rate=0.8, **options)
     states = States(**dict(zip(("x", "y", "yaw"), np.array(poses, float).T, strict=True)))
     return hpop.Trajectory.through(car, states)
 
