@@ -206,7 +206,12 @@ def plugin_from_spec(registry: Registry[type], spec: Any) -> Any:
     check_parameters(registry, name, cls, parameters or {})
     own = model_parameters(cls) if registry is models else ()
     try:
-        return cls(**{key: _model_from(value) if key in own else value for key, value in (parameters or {}).items()})
+        return cls(
+            **{
+                key: make_model(value) if key in own and isinstance(value, str | Mapping) else value
+                for key, value in (parameters or {}).items()
+            }
+        )
     except TypeError as wrong:  # a missing parameter, or one of another type
         raise error(
             f"{kind} {name!r} cannot be made with the parameters {shown(dict(parameters or {}))}: {wrong}; change them"
@@ -252,11 +257,6 @@ def model_parameters(cls: Any) -> frozenset[str]:
 def _is_model_hint(hint: Any) -> bool:
     """Return whether the type of a field is a robot model."""
     return isinstance(hint, type) and all(hasattr(hint, name) for name in ("space", "laws", "pose", "twist"))
-
-
-def _model_from(given: Any) -> Any:
-    """Return the robot model of a name or a description; return a model object unchanged."""
-    return make_model(given) if isinstance(given, str | Mapping) else given
 
 
 def make_model(spec: str | Mapping[str, Mapping[str, Any] | None]) -> Any:

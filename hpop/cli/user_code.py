@@ -114,17 +114,14 @@ def _unregistered(spec: str, known: Mapping[str, Any]) -> UnknownName:
         )
     else:
         way_out = "for a class of your own, give FILE.py:NAME, or its name with --import FILE.py"
-        if own := [name for name, thing in known.items() if not _is_at_home(thing)]:
+        if own := [
+            name for name, thing in known.items() if str(getattr(thing, "__module__", "")).partition(".")[0] != "hpop"
+        ]:
             way_out = f"your own are {some(own)}; {way_out}"
     return UnknownName(
         f"no criterion, model or planner called {shown(spec)} is imported.{did_you_mean(spec, known)} `hpop criteria`, "
         f"`hpop models` and `hpop planners` list what there is; {way_out}"
     )
-
-
-def _is_at_home(thing: Any) -> bool:
-    """Return whether a registered class is part of hpop."""
-    return str(getattr(thing, "__module__", "")).partition(".")[0] == "hpop"
 
 
 def _named_in(module: ModuleType, name: str) -> Any:

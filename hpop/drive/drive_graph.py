@@ -23,7 +23,7 @@ from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out,
 from hpop.drive.known_paths import KnownRoutes, arcs_between, named_heads, places_of_nodes
 from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
-from hpop.motions import Motions, States
+from hpop.motions import States
 from hpop.motions.laws import SPEED
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, search_stats
@@ -195,7 +195,9 @@ class DriveGraph:
             motions = self.inner.motions(kind, tails[own], arcs.heads[places[own]].astype(np.int64))
             before, after = (replace(motions, world=world) for world in (self.world, world))
             for j, criterion in enumerate(criteria):
-                if j not in columns and _differ(criterion, before, after):
+                if j not in columns and not np.array_equal(
+                    motion_costs(criterion, before), motion_costs(criterion, after)
+                ):
                     columns.add(j)
         return columns
 
@@ -380,11 +382,6 @@ class DriveGraph:
     def closed_in(self, node: int) -> str:
         """Return as text why no path leads to the goal from a node; "" if no area is closed."""
         return no_way_out(self.closings, self.query.space.states(np.array([node])), self.inner.model)
-
-
-def _differ(criterion: Criterion, before: Motions, after: Motions) -> bool:
-    """Return whether a criterion gives different costs to the same motions in two worlds."""
-    return not np.array_equal(motion_costs(criterion, before), motion_costs(criterion, after))
 
 
 def _points(graph: StateGraph, states: States) -> FloatArray:

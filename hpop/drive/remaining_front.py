@@ -65,7 +65,7 @@ def front_of_rest(
     if present is None:
         return front, None, None
     place = _place(front, own)
-    if place is None and not _is_dominated(front, own):
+    if place is None and not (front.integers <= _counts(front, own)).all(axis=1).any():
         front = _CostedPlans.of(front).and_those_of(own).front(front)
         place = _place(front, own)
     if place is None:
@@ -163,7 +163,3 @@ def _place(front: Front, own: _CostedPlans) -> int | None:
     """Return the index of the point of a front that has the same costs as a plan; None if there is none."""
     same = np.flatnonzero((front.integers == _counts(front, own)).all(axis=1))
     return int(same[0]) if same.size else None
-
-
-def _is_dominated(front: Front, own: _CostedPlans) -> bool:
-    return bool((front.integers <= _counts(front, own)).all(axis=1).any())

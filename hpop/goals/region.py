@@ -127,7 +127,7 @@ class InverseKinematics:
             rows[took], excess[took], cost[took] = there[better], found[better], costs[better]
             damping[going] = np.maximum(damping[going] * np.where(better, EASED, RAISED), LEAST_DAMPING)
             going = going[(cost[going] > DONE) & (damping[going] < MOST_DAMPING)]
-        return self._within_one_turn(rows)
+        return np.where(self._turning, wrap(rows), rows)
 
     def distinct(self, rows: FloatArray) -> FloatArray:
         """Return rows (N, n) without near repetitions: a row nearer than `APART` to an earlier row is left out."""
@@ -176,9 +176,6 @@ class InverseKinematics:
     @cached_property
     def _turning(self) -> BoolArray:
         return np.array([name in self.space.turning for name in self.space.names], dtype=bool)
-
-    def _within_one_turn(self, rows: FloatArray) -> FloatArray:
-        return np.where(self._turning, wrap(rows), rows)
 
 
 def sampled_space(model: Model, world: World) -> StateSpace:

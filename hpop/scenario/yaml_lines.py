@@ -57,10 +57,8 @@ class Document:
         except yaml.YAMLError as error:
             self._refuse(None, f"not plain YAML: {' '.join(str(error).split())}")
         if not isinstance(self.values, dict):
-            self._refuse(
-                None,
-                f"expected keys with values, such as `goal: [9, 2]`, got {_got(self.values)}",
-            )
+            got = "an empty file" if self.values is None else shown(self.values)
+            self._refuse(None, f"expected keys with values, such as `goal: [9, 2]`, got {got}")
 
     def with_values(self, values: dict[str, Any], sources: Mapping[Place, Place] | None = None) -> Document:
         """Return the document with other values.
@@ -200,10 +198,6 @@ def _read(path: Path) -> str:
         raise ScenarioError(
             f"{path}: cannot be read: {reason}; give the path of a YAML file: a scenario, or the events of a drive"
         ) from None
-
-
-def _got(value: object) -> str:
-    return shown(value) if value is not None else "an empty file"
 
 
 def note_on_yaml(got: Any) -> str:

@@ -51,17 +51,10 @@ def choose_method(graph: Graph, method: str, samples: IntArray, groups: Groups) 
             )
     index = min(fit, key=lambda j: int(reach[j])) if fit else -1
     if method == "auto":
-        fits = index >= 0 and (groups.column == index or _is_table_small(graph, index, samples))
+        is_small = len(samples) > 0 and graph.nodes * (1 + int(samples[:, index].max())) <= LARGEST_TABLE
+        fits = index >= 0 and (groups.column == index or is_small)
         method = "staircase" if fits and graph.criteria == 3 else "general"
     return method, index
-
-
-def _is_table_small(graph: Graph, index: int, samples: IntArray) -> bool:
-    """Return whether a table with one entry for each node and each value of the index cost, column `index`, is small.
-
-    `samples` (k, k), costs of good paths, tells how large the index cost becomes.
-    """
-    return len(samples) > 0 and graph.nodes * (1 + int(samples[:, index].max())) <= LARGEST_TABLE
 
 
 def choose_order(

@@ -60,11 +60,6 @@ class NetworkArrays(NamedTuple):
     edges: Edges
 
 
-def is_network(graph: object) -> bool:
-    """Return whether an object is a networkx graph, without importing networkx."""
-    return any(cls.__module__.partition(".")[0] == "networkx" for cls in type(graph).__mro__)
-
-
 def network_arrays(
     g: nx.Graph[Any], costs: Sequence[str], quanta: Mapping[str, float] | Sequence[float] | None = None
 ) -> NetworkArrays:
@@ -75,7 +70,7 @@ def network_arrays(
 
     Raises GraphError for an object of another type, a missing attribute, and invalid costs or quanta.
     """
-    if not is_network(g):
+    if not any(cls.__module__.partition(".")[0] == "networkx" for cls in type(g).__mro__):  # networkx is not imported
         raise GraphError(
             f"graph must be a networkx graph, got {_type_of(g)}; for arrays use Graph.from_arcs(n, tails, heads, costs)"
         )

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from importlib import resources
 from math import isclose, isnan, nan
 from pathlib import Path
@@ -337,7 +337,8 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
     {'N': 19.08, 'O': 22.74, 'D': 13.92, 'total': 22.44}
     """
     answered = _checked_answers(form, values)
-    raw = {name: _raw(form, name, answered, prorate) for name in _subscales(form)}
+    subscales = dict.fromkeys(name for item in form.items for name in item.subscales)
+    raw = {name: _raw(form, name, answered, prorate) for name in subscales}
     made: dict[str, float] = {}
     for one in form.scores:
         made[one.name] = round(_sum_of(form, one, raw, made) * one.times / one.out_of, DIGITS)
@@ -401,8 +402,3 @@ def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str,
         return sum(raw[str(subscales[part])] for part in one.of)
     total = sum(made[part] for part in one.parts)
     return total / len(one.mean_of) if one.mean_of else total
-
-
-def _subscales(form: Form) -> Iterable[str]:
-    """Return the names of all subscales of a form, once each."""
-    return dict.fromkeys(name for item in form.items for name in item.subscales)

@@ -129,7 +129,10 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     if finite.fault:  # the other checks compare costs, so all of them would fail
         return
     (before,) = first
-    yield Check("gives the same costs after pickling", fault_of(lambda: _pickling_fault(criterion, ask, before)))
+    yield Check(
+        "gives the same costs after pickling",
+        fault_of(lambda: differ("after pickling", before, ask(pickle.loads(pickle.dumps(criterion))), 0.0)),
+    )
     yield Check(
         "gives the same costs when evaluated again",
         fault_of(lambda: differ("in the second evaluation", before, ask(criterion), 0.0)),
@@ -182,10 +185,6 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
                 "has a gradient that agrees with finite differences where people walk",
                 fault_of(lambda: _gradient_fault(walked)),
             )
-
-
-def _pickling_fault(criterion: Criterion, ask: Callable[[Criterion], FloatArray], before: FloatArray) -> str:
-    return differ("after pickling", before, ask(pickle.loads(pickle.dumps(criterion))), 0.0)
 
 
 def _batch_fault(criterion: Criterion, batches: list[Motions]) -> str:

@@ -267,7 +267,7 @@ def jumps_across(
 
 def sure_world(world: World) -> World:
     """Return a world with certain predictions: for a minute, people follow a track, walk and then leave, or stand."""
-    doings = (_on_a_track, _with_end, lambda person: person)
+    doings = (_on_a_track, lambda person: replace(person, velocity=(-0.03, 0.02), until=40.0), lambda person: person)
     people = [doings[i % 3](person) for i, person in enumerate(world.content.people)]
     return with_people(world, people)
 
@@ -329,10 +329,6 @@ def _on_a_track(person: Person) -> Person:
     x, y = person.x, person.y
     track = Track.through([(0, x, y), (25, x + 1.5, y + 0.5), (40, x + 0.5, y + 1.0), (58, x, y - 0.5)])
     return replace(person, track=track, afterwards="stays")
-
-
-def _with_end(person: Person) -> Person:
-    return replace(person, velocity=(-0.03, 0.02), until=40.0)
 
 
 def _costs(criterion: Criterion, world: World, batches: list[Motions]) -> FloatArray:

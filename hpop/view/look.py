@@ -116,7 +116,7 @@ def look(problem: Problem, title: str) -> MapLook:
     for what, state in ends.items():
         reason = collision.why_blocked(States(**{name: np.nan_to_num(getattr(state, name)) for name in state.names}))
         place = nearest_free(model, world, state) if reason else None
-        if not reason or (place is not None and _same(place, state)):
+        if not reason or (place is not None and np.hypot(place.x[0] - state.x[0], place.y[0] - state.y[0]) < 1e-9):
             continue  # another heading of this goal may be free
         where = ", ".join(f"{float(getattr(state, name)[0]):.4g}" for name in ("x", "y") if name in state.names)
         refused.append(
@@ -145,11 +145,6 @@ def _ends(problem: Problem) -> dict[str, States]:
         for i, goal in enumerate(problem.goals):
             ends[f"goal {i}" if several else "goal"] = space.state(goal, free=space.angles)
     return ends
-
-
-def _same(place: States, state: States) -> bool:
-    """Return whether two states are at the same position, within a nanometre."""
-    return bool(np.hypot(place.x[0] - state.x[0], place.y[0] - state.y[0]) < 1e-9)
 
 
 def _apart(free: FreeMap, ends: dict[str, States]) -> list[str]:

@@ -187,13 +187,8 @@ def _draw_ground(axes: Axes, world: World) -> None:
     axes.add_collection(PathCollection([outline(world.extent)], facecolor="none", edgecolor="#555555"), autolim=False)
 
 
-def _front_png(front: Front) -> bytes | None:
-    """Return the picture of a front for notebooks; None for an empty front."""
-    return png_of(draw_front(front), NOTEBOOK_DPI) if len(front) else None
-
-
 def provide() -> None:
     """Register the small pictures of worlds, problems and fronts, so that notebooks show them."""
     PICTURES[World] = lambda world: png_of(small_map(world), NOTEBOOK_DPI)
     PICTURES[Problem] = lambda problem: png_of(small_map(problem.world, problem), NOTEBOOK_DPI)
-    PICTURES[Front] = _front_png
+    PICTURES[Front] = lambda front: png_of(draw_front(front), NOTEBOOK_DPI) if len(front) else None

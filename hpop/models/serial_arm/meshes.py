@@ -248,15 +248,14 @@ def read_meshes(robot: Robot, packages: Mapping[str, str], way: Way) -> ReadMesh
         if read.added:
             hollow[path.name] = read
     if faults:
-        told = [said + _also(len(names) - 1) for said, names in faults.values()]
+        told = [
+            said + (f" ({len(names) - 1} more for this reason)" if len(names) > 1 else "")
+            for said, names in faults.values()
+        ]
         count, more = sum(len(names) for _, names in faults.values()), len(told) - MOST_SAID
         several = f"{count} of its meshes cannot be used. " if count > 1 else ""
         raise robot.file.error(several + ". ".join(told[:MOST_SAID] + [f"and {more} more"] * (more > 0)))
     return ReadMeshes(found, hashes, tuple(_notes(hollow, way)))
-
-
-def _also(count: int) -> str:
-    return f" ({count} more for this reason)" if count else ""
 
 
 def _meshes(robot: Robot) -> Iterator[UrdfMesh]:
@@ -303,7 +302,7 @@ def hulls(data: bytes, path: Path, scale: FloatArray, way: Way = "hull") -> Mesh
     surface = read_surface(data, path, scale)
     whole = _solid(surface.vertices, path)
     if is_convex(surface.thinned().corners, whole):
-        return MeshHulls((Hull(_simple(surface, whole).points),))
+        return MeshHulls((Hull((enclosing(whole) if len(surface.faces) > FINE else whole).points),))
     if len(surface.faces) <= LARGE and (pieces := _convex_pieces(surface, path)) is not None:
         return MeshHulls(tuple(Hull(piece.points) for piece in pieces))
     if way == "exact":
@@ -366,11 +365,6 @@ def _filled(surface: Surface, bodies: Sequence[ConvexBody], reason: str) -> Mesh
     pieces = tuple(Hull(body.points) for body in bodies)
     what = f"gaps up to {float(f'{1000 * widest:.2g}'):g} mm" if len(bodies) == 1 else f"{len(bodies)} pieces"
     return MeshHulls(pieces, f"({reason}{share}{what})", widest)
-
-
-def _simple(surface: Surface, body: ConvexBody) -> ConvexBody:
-    """Return the hull of a convex mesh; of one with very many faces, a simpler body that encloses it."""
-    return enclosing(body) if len(surface.faces) > FINE else body
 
 
 def _convex_pieces(surface: Surface, path: Path) -> list[ConvexBody] | None:

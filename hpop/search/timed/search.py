@@ -230,15 +230,14 @@ class TimedSearch:
             self.waits,
             self.corners,
             self.lanes,
-            *self._solution_arrays,
+            self.front,
+            self.reach,
+            self.solutions,
+            self.leaves,
         ]
         rest: list[NDArray[Any]] = [self.rest.least, self.rest.gain, self.rest.calm, self.rest.until]
         joint = [self.joint.rows] if len(self.joint.rows) > 1 else []  # a single table belongs to its sweep
         return [*own, *rest, *self.tables.own_arrays, *joint, *self.bounds.arrays]
-
-    @property
-    def _solution_arrays(self) -> list[IntArray]:
-        return [self.front, self.reach, self.solutions, self.leaves]
 
     def memory(self) -> int:
         """Return the size of all arrays in bytes, each counted once."""

@@ -184,7 +184,7 @@ def mark_spherical(file: BinaryIO) -> None:
     start, moov = _last_box(file)
     if moov[4:8] != b"moov":
         raise ValueError(f"expected an MP4 file whose last box is moov, got {moov[4:8]!r}")
-    grown = _with_added(moov, PATH, _stereo() + _spherical())
+    grown = _with_added(moov, PATH, _full_box(b"st3d", bytes(1)) + _spherical())  # st3d 0: monoscopic
     file.seek(start)
     file.write(grown)
 
@@ -234,11 +234,6 @@ def _box(name: bytes, content: bytes) -> bytes:
 def _full_box(name: bytes, content: bytes) -> bytes:
     """Return an MP4 box whose content begins with version 0 and no flags."""
     return _box(name, bytes(4) + content)
-
-
-def _stereo() -> bytes:
-    """Return the MP4 box that marks a video as monoscopic."""
-    return _full_box(b"st3d", bytes(1))
 
 
 def _spherical() -> bytes:

@@ -23,7 +23,7 @@ from hpop.view.ride import surfaces
 from hpop.view.ride.surfaces import Colour
 from hpop.world import World
 from hpop.world.content.content import Landmark, Person, Zone
-from hpop.world.geometry.shapes import Obstacle, Raster
+from hpop.world.geometry.shapes import Raster
 from hpop.world.geometry.solids import Solid
 
 VERSION = 1
@@ -284,7 +284,7 @@ def _prisms(world: World, storey: float) -> Iterator[Prism]:
     """Yield a prism for each obstacle, in order; they are numbered later."""
     for obstacle in world.obstacles:
         low, high = _ends(obstacle.heights, storey)
-        is_wall = _looks_like_a_wall(obstacle, high)
+        is_wall = "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
         tilted = obstacle.solid is not None and not obstacle.solid.is_upright
         colour = surfaces.WALL if is_wall else colour_of(obstacle.name or f"{obstacle.heights}")
         solid = obstacle.solid if tilted else None
@@ -309,11 +309,6 @@ def _ends(heights: tuple[float, float], storey: float) -> tuple[float, float]:
     low = heights[0] if math.isfinite(heights[0]) else min(0.0, heights[1] - storey)
     high = heights[1] if math.isfinite(heights[1]) else max(low, 0.0) + storey
     return low, high
-
-
-def _looks_like_a_wall(obstacle: Obstacle, high: float) -> bool:
-    """Return whether an obstacle is named a wall, or has no name and a wall's height."""
-    return "wall" in obstacle.name.lower() if obstacle.name else high >= WALL_FROM
 
 
 def colour_of(name: str) -> Colour:

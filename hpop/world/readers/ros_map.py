@@ -292,13 +292,11 @@ def _mapping(text: str, path: str | Path) -> dict[str, Any]:
         raise MapError(f"{path} lacks {', '.join(missing)}; a map_server yaml has {', '.join(KEYS)}.{hint}")
     for key in KEYS:
         value = data[key]
-        if isinstance(value, dict) or (isinstance(value, list) and any(map(_nested, value))):
+        if isinstance(value, dict) or (
+            isinstance(value, list) and any(isinstance(item, dict | list | set) for item in value)
+        ):
             raise MapError(f"{path}: {key} must be a plain value, not a nested one.")
     return data
-
-
-def _nested(value: Any) -> bool:
-    return isinstance(value, dict | list | set)
 
 
 def read_bag(

@@ -140,11 +140,6 @@ def petrack_tracks(text: str, source: TrackFile, wanted: Sequence[Hashable] | No
     return tracks_of(source, [identity(one) for one in rows[:, 0].tolist()], times, x, y, wanted)
 
 
-def is_jupedsim(data: bytes) -> bool:
-    """Return whether a file is an SQLite database, which is the format of JuPedSim."""
-    return data.startswith(MAGIC)
-
-
 def jupedsim_tracks(data: bytes, source: TrackFile, wanted: Sequence[Hashable] | None = None) -> Tracks:
     """Return tracks of JuPedSim from version 1.0 on, an SQLite database; MapError for another file.
 
@@ -215,7 +210,7 @@ def read_tracks(
     if format is not None:
         one_of("the format of a track file", format, get_args(TrackFormat), error=MapError)
     data = read_bytes(path, "the track file", limit=MAX_BYTES)  # type: ignore[arg-type]  # checked there
-    if format == "jupedsim" or (format is None and is_jupedsim(data)):
+    if format == "jupedsim" or (format is None and data.startswith(MAGIC)):
         return jupedsim_tracks(data, source, ids)
     text = read_text(data, path, "the track file")  # type: ignore[arg-type]  # checked there
     if text.lstrip()[:1] in ("{", "["):

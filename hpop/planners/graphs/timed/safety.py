@@ -110,10 +110,6 @@ class Safety:
         """Radius of the robot, m: the largest distance of a part from its axis."""
         return max((part.reach for part in self.parts), default=0.0)
 
-    @property
-    def _slack(self) -> int:
-        return self.clock.up_to(SLACK)
-
     def _axis(self, person: Person, need: Separation) -> FloatArray:
         """Return the distances (T,), m, of a person's centre from the robot's axis that are always enough."""
         return np.asarray(np.minimum(need.gap + self.reach + person.radius, need.axis))
@@ -376,7 +372,7 @@ class Safety:
 
     def _widened(self, table: BoolArray) -> BoolArray:
         """Extend a mask over ticks (q, H + 1) by SLACK before and after each True, as plans may be early or late."""
-        slack, width = self._slack, table.shape[1]
+        slack, width = self.clock.up_to(SLACK), table.shape[1]
         if not table.any() or not slack:
             return table
         some = np.flatnonzero(table.any(axis=1))
