@@ -19,7 +19,7 @@ from hpop.errors import CriterionError, ModelError, UnsupportedCriterion
 from hpop.models.joints import Joint, carried_point, joint_sum, reach_of
 from hpop.motions import Body, Curve, Instants, Law, Model, Motions, States, integrated, is_curve
 from hpop.motions.laws import follows
-from hpop.motions.states import Vector
+from hpop.motions.states import LevelPose, Vector
 
 
 @checked_arguments
@@ -39,33 +39,6 @@ class Mount:
     def lever(self) -> float:
         """Horizontal distance from the axis of the base, m; for a body carried by joints, an upper bound on it."""
         return reach_of((self.ahead, self.left), self.on)
-
-
-class LevelPose:
-    """Base class of the poses of bodies that stay level; ``size`` is the number of states."""
-
-    size: Any  # int
-    yaw: Column
-
-    @property
-    def pitch(self) -> Column:
-        return np.zeros(self.size)
-
-    @property
-    def roll(self) -> Column:
-        return np.zeros(self.size)
-
-    @property
-    def ahead(self) -> Vector:
-        return np.cos(self.yaw), np.sin(self.yaw), 0.0
-
-    @property
-    def left(self) -> Vector:
-        return -np.sin(self.yaw), np.cos(self.yaw), 0.0
-
-    @property
-    def up(self) -> Vector:
-        return 0.0, 0.0, 1.0
 
 
 Position = tuple[float, float, float]

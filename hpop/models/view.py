@@ -22,9 +22,9 @@ from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import model
 from hpop.models.differential_drive import DifferentialDrive
-from hpop.models.rigid import ALL, FieldOfView, LevelPose, checked_field_of_view
+from hpop.models.rigid import ALL, FieldOfView, checked_field_of_view
 from hpop.motions import MODEL_DEFAULTS, Body, Model, Motions, Pose, States, Twist
-from hpop.motions.states import Vector
+from hpop.motions.states import LevelPose, Vector
 
 if TYPE_CHECKING:
     from hpop.motions import Collision

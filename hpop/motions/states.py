@@ -105,6 +105,33 @@ class Pose(Protocol):
     def up(self) -> Vector: ...
 
 
+class LevelPose:
+    """Base class of the poses of bodies that stay level; ``size`` is the number of states."""
+
+    size: Any  # int
+    yaw: Column
+
+    @property
+    def pitch(self) -> Column:
+        return np.zeros(self.size)
+
+    @property
+    def roll(self) -> Column:
+        return np.zeros(self.size)
+
+    @property
+    def ahead(self) -> Vector:
+        return np.cos(self.yaw), np.sin(self.yaw), 0.0
+
+    @property
+    def left(self) -> Vector:
+        return -np.sin(self.yaw), np.cos(self.yaw), 0.0
+
+    @property
+    def up(self) -> Vector:
+        return 0.0, 0.0, 1.0
+
+
 class Twist(Protocol):
     """Velocity, m/s, and angular velocity (``rotation``), rad/s, of a body in the world frame.
 
