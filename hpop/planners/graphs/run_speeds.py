@@ -163,7 +163,7 @@ class RunSpeedGraph(StateGraph):
         states, layers = states % self.inner.size, np.abs(speeds[:, None] - [0.0, *self.speeds]).argmin(axis=1)
         begins = np.append(False, (states[1:] == states[:-1]) & (layers[:-1] == 0))
         layers += len(self.speeds) * ((layers > 0) & ~begins)
-        turned = np.append(False, (states[1:] != states[:-1]) & (speeds[1:] < 0) & (speeds[1:] == speeds[:-1]))
+        turned = 1 + np.flatnonzero((states[1:] != states[:-1]) & (speeds[1:] < 0) & (speeds[1:] == speeds[:-1]))
         layers[turned] = 2 * len(self.speeds) - speeds[turned]
         return np.asarray(states + self.inner.size * layers)
 

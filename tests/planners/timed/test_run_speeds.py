@@ -21,6 +21,7 @@ from hpop.criteria.base import criterion
 from hpop.errors import ModelError
 from hpop.motions import Motions, States
 from hpop.planners import Lattice
+from hpop.planners.graphs.run_speeds import run_speed_graph
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.runtime.status import Status
@@ -134,6 +135,12 @@ def test_several_turn_rates_without_speeds_are_refused_among_people() -> None:
     case = RateCase((person(0.8, 0.65, 0.0, -0.4),), robot=RATED._replace(model=Paced(turn_rates=(SLOW, FAST))))
     with pytest.raises(ModelError, match="has paces, so among people who move it needs speed_classes"):
         case.front()
+
+
+def test_no_states_have_no_nodes() -> None:
+    problem = RateCase((person(0.8, 0.65, 0.0, -0.4),)).problem
+    graph = run_speed_graph(Lattice(step=0.4, headings=4).lattice(problem))
+    assert graph.in_layer(np.zeros(0, np.int64), np.zeros(0)).size == 0
 
 
 def test_known_plans_with_slow_turns_are_options_at_once() -> None:
