@@ -16,10 +16,12 @@ import numpy as np
 from hpop.base.arrays import FloatArray
 from hpop.errors import OptionError
 from hpop.motions import HOLD, States, is_curve, laws_of
+from hpop.motions.laws import CLOCK
 from hpop.planners.programs.path_coordinates import REST, Coordinates
 from hpop.trajectories.trajectory import Trajectory
 
 INTERVAL, FEWEST, MOST = 0.1, 16, 400  # s: length of a grid interval at the input's speed; intervals in each phase
+FEW = 4  # intervals in each motion along an arc or a clothoid
 CURVED = 600  # intervals in all motions of a stretch of curves
 BEFORE = 1e-7  # share of an interval: how long before a grid position its rates may be taken
 STRAIGHT = 1e-9  # difference of unit directions that is a rounding error
@@ -167,7 +169,9 @@ def _grid(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> 
     The times become grid positions; the kinds (n,) are those of laws that drive the intervals at any speed profile.
     """
     laws = laws_of(run.model)
-    fewest = CURVED // len(motions) if is_curve(laws[run.kinds[motions[0]]]) else FEWEST
+    first, fewest = laws[run.kinds[motions[0]]], FEWEST
+    if is_curve(first):
+        fewest = max(FEWEST, CURVED // len(motions)) if CLOCK in first.extra else FEW
     pieces, kinds = [run.times[motions[0] : motions[0] + 1]], list[str]()
     for i in motions:
         start, end = run.states.take([i]), run.states.take([i + 1])
@@ -175,7 +179,7 @@ def _grid(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> 
         for phase in laws[run.kinds[i]].phases(start, end):
             lasts = float(np.ravel(phase.duration)[0])
             if lasts > REST * run.durations[i]:
-                count = int(np.clip(np.ceil(lasts / INTERVAL), max(fewest, FEWEST), MOST))
+                count = int(np.clip(np.ceil(lasts / INTERVAL), fewest, MOST))
                 pieces.append(begin + lasts * np.arange(1, count + 1) / count)
                 kinds += [coordinates.kind(run.kinds[i])] * count
                 begin += lasts
