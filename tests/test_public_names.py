@@ -150,6 +150,8 @@ hpop.ros.path_message
 hpop.ros.plain
 hpop.ros.planar_pose
 hpop.ros.pose_message
+hpop.ros.sending.ArmGoal
+hpop.ros.sending.outcome
 hpop.ros.trajectory_of
 hpop.ros.typed
 hpop.scenario.load_scenario
