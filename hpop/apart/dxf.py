@@ -160,7 +160,7 @@ def _polylines(path: Any) -> Iterator[list[tuple[float, float]]]:
         if not corners:
             continue
         if not all(abs(value) <= FARTHEST for corner in corners for value in corner):
-            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"all coordinates of the file must be finite numbers, at most {FARTHEST:.0e}")
         size = math.dist(
             [min(axis) for axis in zip(*corners, strict=True)], [max(a) for a in zip(*corners, strict=True)]
         )

@@ -124,7 +124,7 @@ class Lines:
                 )
         points = np.array(self._points, dtype=np.float64).reshape(-1, 2)
         if not (np.abs(points) <= FARTHEST).all():
-            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"all coordinates of the file must be finite numbers, at most {FARTHEST:.0e}")
         words |= {
             "layers": list(self._layers),
             "counted": dict(self.counted.most_common(100)),

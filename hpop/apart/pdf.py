@@ -308,7 +308,7 @@ def _parts(raw: Any, segments: Iterable[Any], count: int, matrix: Matrix) -> lis
         placed = np.array([x.value, y.value, 1.0]) @ matrix
         point = (float(placed[0]), float(placed[1]))
         if not (abs(point[0]) <= FARTHEST and abs(point[1]) <= FARTHEST):
-            raise ChildRefused(f"its coordinates must be finite numbers, at most {FARTHEST:.0e}")
+            raise ChildRefused(f"all coordinates of the file must be finite numbers, at most {FARTHEST:.0e}")
         kind = raw.FPDFPathSegment_GetType(segment)
         if kind == raw.FPDF_SEGMENT_MOVETO or not parts:
             parts.append([point])

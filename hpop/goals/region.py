@@ -218,7 +218,10 @@ class Region(GoalDefaults, ABC):
     @property
     @abstractmethod
     def bounds(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper bounds (k,) of the coordinates, between which states are drawn; equal for an exact value."""
+        """Lower and upper bounds (k,) of the coordinates of the body's pose; equal for an exact value.
+
+        A pose is drawn between them, and a random state is moved until the body has this pose.
+        """
 
     @property
     @abstractmethod

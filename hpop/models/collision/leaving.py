@@ -35,7 +35,9 @@ HAIR = 1e-3  # m: a motion that begins nearer to a body is tested on samples, as
 
 @dataclass(frozen=True, eq=False)
 class Leaving:
-    """Collision test with one standing person: motions must keep clear of the body, or lead out of contact with it.
+    """Collision test with one standing person: motions must keep clear of the person's body, or leave the contact.
+
+    A motion that begins in contact passes if the gap does not shrink until the robot is clear; it may end in contact.
 
     parts  collision parts of the robot
     place  (x, y) m, centre of the person's body

@@ -138,7 +138,7 @@ def read_surface(data: bytes, path: Path, scale: FloatArray) -> Surface:
             f"{remedy if len(faces) else 'export the mesh again'}",
         )
     if not np.isfinite(vertices).all():
-        raise mesh_error(path, "its coordinates must be finite numbers")
+        raise mesh_error(path, "all coordinates of the file must be finite numbers")
     if len(faces) <= LARGE:
         vertices, faces = merge_vertices(vertices, faces)
     return Surface(vertices * (unit * scale), faces)

@@ -148,9 +148,10 @@ class SpeedGraph(WrappedGraph):
         return copied(self, {"_joins", "collision"}, inner=self.inner.costed_in(world), world=world)
 
     def with_joins(self, inner: NDArray[N], joins: NDArray[N]) -> NDArray[N]:
-        """Merge values of arcs of the graph of states (a,), for all speeds, and of its joins (j,) into one array (m,).
+        """Return an array (m,) with a value for each arc of this graph, in its order; 0 for changes of speed.
 
-        The array is in the order of all arcs of this graph. Its value is 0 for changes of speed.
+        inner  (a,)  values of the arcs of the graph with one speed; repeated for each slower speed and turn rate
+        joins  (j,)  values of the joins of starts and goals to the graph
         """
         slower = np.concatenate([inner[arcs] for arcs in self._slower_arcs])
         none, last = (np.zeros(size, inner.dtype) for size in (self._changes[0].size, 1 + self._slowing[0].size))
