@@ -279,12 +279,12 @@ class MotionChains:
 
     def motions(self) -> Iterator[tuple[IntArray, Motions]]:
         """Yield for each leg the indices of the chains that do not skip it, and their motions on this leg."""
-        graph, laws, ended = self.graph, laws_of(self.graph.model), self._ended_turns
+        graph, laws = self.graph, laws_of(self.graph.model)
         for i, kind in enumerate(self.kinds):
             rows, turns = np.flatnonzero(self.present[i]), None
             start, end = (self.corners[j].take(rows) for j in (i, i + 1))
             if is_curve(laws[kind]):
-                turns = ended[0][i, rows], ended[1][i, rows]
+                turns = self._ended_turns[0, i, rows], self._ended_turns[1, i, rows]
             yield rows, Motions(graph.world, graph.model, graph.model.laws[kind], start, end, turns=turns)
 
     @cached_property

@@ -69,7 +69,7 @@ def test_on_a_lattice_they_are_what_they_are_with_its_options() -> None:
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        ({"on": "smoothing"}, r"unknown graph 'smoothing'.* corners, lattice, roadmap"),
+        ({"on": "smoothing"}, r"unknown graph 'smoothing'.* corners, lattice, primitives, roadmap"),
         ({"on": {"roadmap": {"time_limit": 3}}}, "no option 'time_limit'.* It has samples, .*; options of the search"),
         ({"on": {"lattice": {"eps": 0.1}}}, "graph 'lattice' has no option 'eps'.* stand beside `on`"),
         ({"on": {"roadmap": {"sampels": 3}}}, "graph 'roadmap' has no option 'sampels'"),
