@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -183,12 +184,12 @@ def filmed(path: Path, seconds: float) -> None:
         file.mux(stream.encode(None))
 
 
-def film_study(folder: Path, seconds: float) -> study.Design:
-    """Return a design of two videos, of which each lasts some seconds."""
+def film_study(folder: Path, seconds: float, *, given: Any = ()) -> study.Design:
+    """Return a design of two videos, of which each lasts some seconds, with tasks."""
     problem = problem_of(hpop.World.from_polygons([], extent=shapely.box(0, 0, 10, 8)))
-    front = front_of(problem, {"straight": [(1, 1), (2, 1)]})
-    factors = {"latency": [0, 0.2]}
-    design = study.Design.of(front, [0], participants=2, consent="x", forms=("comfort",), kind="video", factors=factors)
+    front = front_of(problem, {"straight": [(1, 1), (6, 1)]})
+    how: Any = {"factors": {"latency": [0, 0.2]}, "protocol": study.Protocol(rest_s=0, tasks=given)}
+    design = study.Design.of(front, [0], participants=2, consent="x", forms=("comfort",), kind="video", **how)
     design.save(folder)
     (folder / "stimuli").mkdir()
     for condition in design.conditions:
@@ -211,7 +212,7 @@ def colours(page: Page) -> list[list[int]]:
 
 def test_a_video_is_shown_around_the_viewer_and_counts_once_its_share_was_played(page: Page, tmp_path: Path) -> None:
     """A participant who pauses and skips must watch again; no answer is accepted before."""
-    design = film_study(tmp_path, 8.0)
+    design = film_study(tmp_path, 8.0, given={"counting": {"least": 0.6, "most": 0.9}})
     with served(tmp_path) as server:
         frame = entered(page, f"{server.address()}p01")
         frame.locator("#start").click()
@@ -230,13 +231,18 @@ def test_a_video_is_shown_around_the_viewer_and_counts_once_its_share_was_played
         expect(page.locator(".over")).to_contain_text("95 % is needed")
         page.get_by_role("button", name="See it again from the beginning").click()
         frame.locator("#start").click()
-        asked = page.locator("h1", has_text="How comfortable was this ride?")
+        asked = page.locator("h1", has_text="How many low tones did you hear?")
         jerky = page.locator(".over button", has_text="Continue")  # a slow machine
         expect(asked.or_(jerky)).to_be_visible()
         if jerky.is_visible():
             jerky.click()
         expect(asked).to_be_visible()
         expect(page.locator("header .saved")).to_have_text("Saved")
+    tones = events(tmp_path, "tone")
+    assert np.median([abs(event["value"]["came"] - event["value"]["due"]) for event in tones]) <= 0.005
+    when = [(np.datetime64(e["at"][:-1], "ms").astype(float) / 1000.0, e["value"]["due"]) for e in tones]
+    gaps = [(b[0] - a[0]) - (b[1] - a[1]) for a, b in pairwise(when) if b[1] > a[1]]
+    assert max(gaps) > 0.3  # the pause delays the tones after it
     (first, *_) = design.participant("p01").order
     (session,) = study.Answers.load(tmp_path).sessions
     told = [event.value for event in session.events if event.kind == "stimulus"]

@@ -218,9 +218,10 @@ export class Tasks {
   }
 
   end(now: number): void {
-    if (!this.isRunning) return;
+    if (this.timer === 0) return; // it has not begun
     this.expire(Infinity);
     clearInterval(this.timer);
+    this.timer = 0;
     this.isRunning = false;
     this.root.hidden = true;
     const t = (now - this.began) / 1000;
