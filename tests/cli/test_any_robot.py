@@ -63,5 +63,5 @@ def test_what_its_planner_cannot_take_is_placed_in_the_file(
     refused(
         run("plan", scenario, "--out", scenario.parent / "out", "--import", ROBOT),
         7,
-        "line 10, planner.1.weighted-sum: unknown graph 'smoothing'. Known: corners, lattice, roadmap",
+        "line 10, planner.1.weighted-sum: unknown graph 'smoothing'. Known: corners, lattice, primitives, roadmap",
     )
