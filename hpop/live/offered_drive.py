@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator
 from functools import partial
 from threading import RLock
+from time import perf_counter
 from typing import Any
 
 from hpop.base.text import printable
@@ -54,11 +55,16 @@ class OfferedDrive:
         self.prefix: Trajectory | None = None
         self.goal: Destination | None = None
         self.offer: Offer | None = None
+        self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
         self._pushed = -math.inf  # s, time of the last push beside a request
 
-    def _offer_rest(self, now: float, lead: float = LEAD, *, anew: bool = False) -> Offer | None:
+    def _offer_rest(
+        self, now: float, lead: float = LEAD, *, within: float = WITHIN, anew: bool = False
+    ) -> Offer | None:
         """Store and return the offer of the ways that the present drive can still take; None without a drive.
+
+        They are searched for ``within`` s.
 
         While the graph is built anew for people who walk elsewhere than predicted, only ways that are known already are
         found. The last offer, which may have more, then stays as long as it can be used, unless ``anew``.
@@ -67,13 +73,14 @@ class OfferedDrive:
             return None
         while True:
             pushes, surroundings = self._pushes, self.surroundings
-            now = max(now, self._pushed)
+            now, began = max(now, self._pushed), perf_counter()
             try:
-                options = self.drive.options(now, lead + self.brakes, WITHIN)
+                options = self.drive.options(now, lead + self.brakes, within)
             except HpopError:
                 if pushes == self._pushes:
                     raise
                 continue
+            self.took = perf_counter() - began
             with self.changing:
                 if pushes != self._pushes:  # of a plan that a push has changed meanwhile
                     continue
@@ -108,7 +115,7 @@ class OfferedDrive:
                 except DriveError as error:
                     yield {"type": "refused", "words": printable(str(error))}
                     return
-                self.offer = None
+                self.offer = offer.with_taken(option)  # another push may still change to another of its ways
                 yield self._plan(now)
                 yield taken
             return

@@ -64,6 +64,11 @@ class Offer:
             ways, commit.time, pose_of(commit.state), *found, options.gap, options=options, surroundings=surroundings
         )
 
+    def with_taken(self, option: int) -> Offer:
+        """Return the offer after one of its ways, by number, has become the plan of the present drive."""
+        assert self.options is not None
+        return replace(self, ways=replace(self.ways, present=option), options=replace(self.options, keep_on=option))
+
     def is_open(self, option: int, now: DriveSurroundings, margin: float) -> bool:
         """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
 

@@ -20,7 +20,7 @@ from hpop.base.text import printable
 from hpop.drive.script import follow
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, line_of
-from hpop.live.offered_drive import LEAD, Message, OfferedDrive, Pose
+from hpop.live.offered_drive import LEAD, WITHIN, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
@@ -34,6 +34,8 @@ from hpop.world import Person
 
 AHEAD = 0.8
 """Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
+TIMES_AHEAD, MOST_AHEAD = 3.0, 3.0
+"""The same as a multiple of the time that finding them last took, if that is more; and its largest value, s."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
 KEPT_OFFERS = 8
@@ -133,7 +135,7 @@ class LivePlanner(OfferedDrive):
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
             return
-        offer = self._offer_rest(now, AHEAD)
+        offer = self._offer_rest(now, max(AHEAD, min(TIMES_AHEAD * self.took, MOST_AHEAD)))
         is_found = offer is None or (offer.surroundings is self.surroundings and math.isfinite(offer.gap))
         if self.surroundings.moving and not is_found:
             yield {"type": "again"}
@@ -190,8 +192,8 @@ class LivePlanner(OfferedDrive):
         if self.offer is None or self._is_late(self.offer, now):
             if self.goal is not None:
                 yield from self._offer_goal(now, pose)
-            else:
-                self._offer_rest(now)
+            else:  # among people, known ways: the graph may be built anew
+                self._offer_rest(now, within=0.0 if self.surroundings.moving else WITHIN)
         yield from self._answer(now, pose[2] + direction)
 
     def wish(self, now: float, pose: Pose, wish: str) -> Iterator[Message]:

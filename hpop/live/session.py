@@ -34,8 +34,8 @@ LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
 RENEWED, RENEWED_BEFORE = 0.4, 0.5
 """Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
-RESTS = 2.0
-"""Least time between offers of new ways, as a multiple of the time that the last one took."""
+RESTS, BEFORE = 2.0, 1.5
+"""The same two times, as multiples of the time that the last offer took, if that is more."""
 SEEN = 1.5
 """Least time, s, between two predictions of the people."""
 PREDICTED = 4.0
@@ -43,8 +43,7 @@ PREDICTED = 4.0
 BEFORE_PEOPLE = 0.15
 """Distance, m, that the robot keeps from people when it brakes before them."""
 LOOK = "and what was asked last may be lost: look at what is closed, then choose a way"
-EXPLORES = 20.0
-"""Time, s, to wait for the data of the explorer."""
+EXPLORES = 20.0  # s, to wait for the data of the explorer
 SETTINGS = {"arrow": True, "tone": False}
 """Settings of the announcement of turns, and whether they are on at first."""
 
@@ -345,8 +344,9 @@ class LiveSession(Audience):
         offer = self.newest.get("options")
         if offer is None or now < self._next["ways"] or self.planner.is_busy or self._has_arrived:
             return
-        if not self.robot.stands and now > offer["commit"]["t"] - 0.5 * self.robot.braking - RENEWED_BEFORE:
-            self._next["ways"] = now + max(RENEWED, RESTS * self.planner.took)
+        took, late = self.planner.took, offer["commit"]["t"] - 0.5 * self.robot.braking
+        if not self.robot.stands and now > late - max(RENEWED_BEFORE, BEFORE * took):
+            self._next["ways"] = now + max(RENEWED, RESTS * took)
             self._ask_ways()
 
     def _see_people(self, now: float, *, wanted: bool = False) -> None:

@@ -123,7 +123,16 @@ def test_a_push_beside_a_request_takes_the_way_that_it_would_take_after_it(plann
     told = list(planner.push_at_once(0.1, START, 1.5))
     assert [message["type"] for message in told] == ["pushed", "plan", "taken"]
     assert gaps[told[0]["option"]] == pytest.approx(min(gaps), abs=1e-9)
-    assert list(planner.push_at_once(0.2, START, 0.0)) == []  # the ways of the new plan are not known yet
+    taken = told[0]["option"]
+    assert planner.offer is not None
+    gaps = [brute(way, START[2]) for way in planner.offer.ways.trajectories]
+    again = list(planner.push_at_once(0.2, START, 0.0))  # from the same ways, of which the plan is now another one
+    assert again[0]["option"] == int(np.argmin(gaps)) != taken
+    assert planner.drive is not None
+    end = Trajectory.from_description(planner.template.model, again[1]["trajectory"])
+    way = planner.offer.ways.trajectories[again[0]["option"]]
+    assert (end.states.x[-len(way.states.x) :] == way.states.x).all()
+    assert [message["type"] for message in planner.push_at_once(0.25, START, 0.0)] == ["pushed"]  # it keeps on
 
 
 def test_a_way_that_is_chosen_late_is_taken_where_it_can_still_be_reached(planner: LivePlanner) -> None:
