@@ -54,7 +54,7 @@ def report(folder: Path) -> str:
 
 
 def sessions(folder: Path) -> str:
-    return PAGE.format(title="Sessions", said="A page each.", rest="<nav><a href='/a/p01'>p01</a></nav>")
+    return PAGE.format(language="en", title="Sessions", said="A page each.", rest="<nav><a href='/a/p01'>p01</a></nav>")
 
 
 def searching(folder: Path) -> str:
