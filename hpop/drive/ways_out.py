@@ -48,14 +48,23 @@ BEST = 3  # states after each number of motions that are tried
 
 @dataclass(frozen=True, eq=False)
 class _Contacts:
-    """Collision tests about a robot with a reach, m: walls and closed areas, and people who may be left."""
+    """Collision tests around a robot.
+
+    fixed   tests with walls and closed areas, of which the robot must keep clear
+    people  tests with people who stand; the robot may lead out of contact with them
+    reach   m, largest distance from the robot's position to a point of its body
+    """
 
     fixed: tuple[Collision, ...]
     people: tuple[Leaving, ...]
     reach: float
 
     def allowed(self, before: States, after: States) -> BoolArray:
-        """Return whether each small step (N,) is free, and shrinks no gap to a person in contact."""
+        """Return whether each small step (N,) may be taken.
+
+        Its end must be clear of walls and closed areas. With each person, it must be clear too, or the step begins in
+        contact and does not shrink the gap.
+        """
         free = np.ones(after.size, dtype=np.bool_)
         for collision in self.fixed:
             free &= collision.states_free(after)
@@ -68,7 +77,7 @@ class _Contacts:
         return free
 
     def room(self, states: States) -> FloatArray:
-        """Return the least gap (N,), m, to a person."""
+        """Return the least gap (N,), m, to a person; negative in contact."""
         return np.asarray(np.min([leaving.gap(states) - leaving.size for leaving in self.people], axis=0))
 
     def may_turn(self, states: States) -> BoolArray:
@@ -113,7 +122,7 @@ def led_out(
 ) -> Candidates | None:
     """Return remaining plans that first lead out of contact with people; None if none are found.
 
-    graph       without a clock, in the surroundings ``now``
+    graph       the drive's graph of states without times, in the surroundings ``now``
     problem     from the commit, the place where the plan may change
     objectives  criteria of the drive
     """
@@ -159,7 +168,7 @@ def _meets(trajectory: Trajectory, now: DriveSurroundings, commit: Commit) -> bo
 
 
 def held(found: Candidates, model: Model) -> Candidates:
-    """Return an empty result with a note that people who touch the robot leave it no way out."""
+    """Return the result ``found``, which is empty, with a note that people who touch the robot leave it no way out."""
     words = "ahead free it, and its model does not reverse (if the robot may, set reverses: true)"
     words = "ahead or back free it" if cast("PlanarModel", model).reverses else words
     note = f"people who touch the robot hold it: neither turns nor moves {words}"
@@ -185,7 +194,8 @@ def _words(way: Trajectory) -> str:
 def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here: States) -> Iterator[Trajectory]:
     """Yield a few trajectories from a state (1,) to states clear of people, by number of motions.
 
-    They end where the robot may turn without touching a person, or, if there is no such state, with the most room.
+    They end where the robot may turn without touching a person; a last one ends with the most room. There are none for
+    a robot with several speeds.
 
     world     the bare world, without people
     closings  closed areas, among them the bodies of people
@@ -233,7 +243,11 @@ def _searched(model: PlanarModel, contacts: _Contacts, here: States) -> Iterator
 def _extend(
     contacts: _Contacts, reached: _Reached, rows: IntArray, sign: float, seen: set[tuple[int, ...]], *, moves: bool
 ) -> None:
-    """Add the states that a turn or a straight move, ahead or back by ``sign``, reaches from some states, by index."""
+    """Add all states that one motion reaches from the states ``rows``, given by index.
+
+    The motion is a straight move (``moves``) or a turn; it goes ahead or to the left if ``sign`` is 1, else back or to
+    the right.
+    """
     now, begins = reached.rows[rows], rows
     for _ in range(round(FARTHEST / STEP if moves else np.pi / TURN)):
         if not begins.size:

@@ -40,7 +40,7 @@ class HandOver:
 
     before  the plan up to there
     latest  s, of the plan's clock; later, the robot could not brake any more for a turn there
-    after   s, from now until it is there
+    after   s, from the time of the query until the robot is there
     pose    x m, y m, yaw rad
     """
 
@@ -74,9 +74,10 @@ class UnderWay:
         return self.tracker.clock(max(0.0, now - self.begin))
 
     def place_ahead(self, now: float, lead: float) -> HandOver | None:
-        """Return the first place at which another plan may take over that is known in ``lead`` s; None for none.
+        """Return the first place at which a plan that is ready in ``lead`` s may take over; None for none.
 
-        Such places are ends of straight moves: there, the robot goes straight on or stops to turn.
+        Such places are ends of straight moves: there, the robot goes straight on or stops to turn. A plan with
+        curves has none.
         """
         plan, limits, laws = self.trajectory, self.tracker.limits, laws_of(self.trajectory.model)
         if any(is_curve(laws[kind]) for kind in plan.kinds):
@@ -109,7 +110,10 @@ class UnderWay:
         return passed
 
     def handed_over(self, place: HandOver, trajectory: Trajectory) -> UnderWay:
-        """Return the plan that takes another trajectory from a place on; up to there both are driven alike."""
+        """Return the plan that takes another trajectory from a place on, and let the tracking law follow it.
+
+        Up to this place, the robot drives as it would without the change.
+        """
         whole = joined(place.before, trajectory)
         self.tracker.follow(whole)
         return UnderWay.of(whole, self.tracker, self.begin)
@@ -120,9 +124,9 @@ class PlanningJob:
     """Planning under way for a goal.
 
     leaves  s, time for which it is planned that the robot leaves
-    over    set when the goal is no longer followed, so that planning ends
+    over    set when the result is no longer needed, so that planning ends
     place   where the plan under way may change; None for a robot that stands
-    takes   whether to change it, or only to offer this
+    takes   True if the plan under way is to change there; False if the options are only offered
     """
 
     goal: FollowGoal
@@ -141,7 +145,7 @@ class GoalDrive:
     job      planning that is under way
     offered  options of a robot that stands and waits until one is taken
     ahead    options of a robot that drives, and the place where they begin
-    events   what has happened since they were taken
+    events   what has happened since the list was last read
     """
 
     def __init__(
@@ -163,7 +167,10 @@ class GoalDrive:
         self._began, self._next_offer, self._took = 0.0, -math.inf, 0.5
 
     def plan_again(self, now: float) -> None:
-        """Begin to plan, if the robot has a goal, can see where it is, and stands, or options ahead are due."""
+        """Begin to plan to the goal if the robot stands and its pose is known, or if options ahead are due.
+
+        A robot that has found no plan for longer than the settings' ``patience`` gives up its goal.
+        """
         goal, run, every = self.goal, self.run, self.settings.offers
         if goal is None or self.job is not None or self.offered is not None:
             return
@@ -202,7 +209,10 @@ class GoalDrive:
         *,
         takes: bool = True,
     ) -> None:
-        """Begin to plan the poses of ``rest`` for a goal; see :class:`PlanningJob`."""
+        """Begin to plan for a goal, from ``starts``; other parameters are those of :class:`PlanningJob`.
+
+        ``rest`` is the goal, with its poses that will have been passed by then counted as passed.
+        """
         over, worlds = Event(), (self.seen.world, self.seen.world_with_people(leaves))
         future = self._executor.submit(self.planner.way, rest, starts, worlds, self.settings.within, over)
         self.job, self._began = PlanningJob(goal, future, leaves, over, place, takes), now
@@ -294,7 +304,7 @@ class GoalDrive:
         self._drive_along(UnderWay.of(trajectory, tracker, begin), front, row)
 
     def _drive_along(self, run: UnderWay, front: Front, row: NamedRow) -> None:
-        """Follow a plan to a trajectory of a front, and publish both."""
+        """Follow a plan whose trajectory is a row of a front; publish its path and the options of the front."""
         assert self.goal is not None
         self.run, self.why, self.offered, self.ahead = run, "", None, None
         path = path_message(run.trajectory, frame_id=self.planner.known.frame_id)
@@ -308,7 +318,7 @@ class GoalDrive:
             self.job = None
 
     def _no_way(self, job: PlanningJob, now: float, why: str, *, ends: bool) -> None:
-        """Wait and plan again later, or end the goal; a robot that drives goes on along its plan."""
+        """Plan again later or, with ``ends``, end the goal; a robot that drives goes on along its plan."""
         self.say(f"no {'other ' if job.place else ''}way: {why}")
         if job.place is None:
             self.why, self.next_try = why, now + self.settings.retry

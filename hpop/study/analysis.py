@@ -257,7 +257,7 @@ def analyse(
 def checked_question(
     design: Design, method: Method, score: tuple[str, str], correction: Correction | None
 ) -> tuple[str, str, Correction]:
-    """Return form, score and correction of an analysis; StudyError if the study cannot be analysed so."""
+    """Return form, score and correction of an analysis; StudyError if they do not fit the design."""
     one_of("method", method, METHODS, error=StudyError)
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
     one_of("correction", chosen, CORRECTIONS, error=StudyError)

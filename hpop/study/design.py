@@ -125,8 +125,8 @@ class Design:
         comparisons : whether pairs of stimuli are compared at the end of the session
         baselines : trajectories that are not on the front; give :func:`hpop.study.prepare` the same ones
         kind : "ride" (pages) or "video" (360 degrees, for a headset's own player)
-        factors : levels by factor, such as {"latency": (0, 0.5)}; each combination is a condition of each row. Factors
-            are "cue", "latency", "restrictor" and "setting"; None is a level without cue or restrictor
+        factors : levels by factor, such as {"latency": (0, 0.5)}; each combination is shown with each row and baseline.
+            Factors are "cue", "latency", "restrictor" and "setting"; None is a level without cue or restrictor
         seed : seed of the random letters, orders, pairs and schedules of tasks
 
         Raises StudyError for an impossible design, UnknownName for an unknown name of a row.

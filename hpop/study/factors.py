@@ -50,7 +50,7 @@ def crossed(factors: Mapping[str, Sequence[Level]]) -> list[Levels]:
 
 
 def checked_level(name: str, level: object) -> Level:
-    """Return a level of a factor, None for none; StudyError if it is invalid."""
+    """Return a level of a factor, with None for "none"; StudyError if it is invalid."""
     if name == "setting":
         return one_of("a level of setting", level, SETTINGS, error=StudyError)
     if level is None or level == "none":
@@ -80,7 +80,14 @@ def turns(trajectory: Trajectory) -> list[tuple[float, str]]:
 
 
 def shown_part(levels: Levels, trajectory: Trajectory, *, still: bool) -> dict[str, Any]:
-    """Return what a stimulus page needs of its factors: ``latency``, ``restrictor``, and ``cues`` (time and side)."""
+    """Return the entries of a stimulus page for its factors.
+
+    latency     s
+    restrictor  degrees; None for no restriction
+    cues        for each turn that is announced: time of the announcement and of the turn, s, and its side
+
+    Without a level of "cue", and in the ``still`` view, no turn is announced.
+    """
     cue = levels.get("cue")
     announced = [] if cue is None or still else turns(trajectory)
     return {

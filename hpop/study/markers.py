@@ -22,7 +22,7 @@ class Markers:
     """Stream of text markers, one for each event of a session, at the time at which the event happened.
 
     A marker is a JSON object: participant, kind, at (UTC) and, if the event has them, place, condition, item and value.
-    Long samples are left out. Raises StudyError if pylsl is missing.
+    The ``samples`` of a value, such as those of a slider, are left out. Raises StudyError if pylsl is missing.
     """
 
     def __init__(self, source: str) -> None:

@@ -1,7 +1,7 @@
 """Preregistration of a study: its plan as text, from the design, before anyone is asked.
 
 Headings follow the template of the Open Science Framework. What hpop cannot know, such as hypotheses, is left to fill
-in. The text names no letters, so that who reads it stays blind.
+in. The text names no letters, so that its readers stay blind.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def preregistration(
 
     power  result of :func:`hpop.study.power`, the reason for the number of participants
 
-    Raises StudyError if the study cannot be analysed so.
+    Raises StudyError for a score, a method or a correction that does not fit the design.
     """
     form, name, chosen = checked_question(design, method, score, correction)
     plan = planned(design, form, method, chosen)

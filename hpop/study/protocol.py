@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class TaskOption(NamedTuple):
-    """Option of a task: its default, and its least and largest value."""
+    """Option of a task: its default, its least and largest value, and what it is, such as "a time in s"."""
 
     default: float
     least: float
@@ -103,7 +103,7 @@ def checked_tasks(given: object) -> Options:
 
 
 def check_fits(tasks: Options, conditions: Iterable[Condition]) -> None:
-    """Raise StudyError if a task first happens after the end of a stimulus."""
+    """Raise StudyError if a stimulus is too short for the first rating, tone or signal of a task and its answer."""
     for condition in conditions:
         for name, option in (("rating", "every"), ("counting", "most"), ("reaction", "most")):
             if name not in tasks or not condition.stimulus:
@@ -123,7 +123,7 @@ def check_fits(tasks: Options, conditions: Iterable[Condition]) -> None:
 
 
 def schedule(tasks: Options, duration: float, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
-    """Return the options of each task and, for those that have any, their ``times``, s.
+    """Return the options of each task, with ``times``, s, of ratings, tones (counting) and signals (reaction).
 
     >>> schedule(checked_tasks({"rating": {"every": 10, "shown": 5}}), 29.0, np.random.default_rng(1))
     {'rating': {'every': 10.0, 'shown': 5.0, 'high': 20.0, 'times': [10.0, 20.0]}}
@@ -141,7 +141,7 @@ def schedule(tasks: Options, duration: float, rng: np.random.Generator) -> dict[
 
 
 def _drawn(least: float, most: float, last: float, rng: np.random.Generator) -> Iterator[float]:
-    """Yield times, s, from FIRST to ``last``, with gaps drawn evenly from ``least`` to ``most``."""
+    """Yield times, s, up to ``last``; gaps, the first one from FIRST, are drawn evenly from ``least`` to ``most``."""
     t = FIRST
     while (t := t + float(rng.uniform(least, most))) <= last:
         yield round(t, 3)
@@ -189,7 +189,7 @@ class Protocol:
         return checked_tasks(self.tasks)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the protocol as a dict for JSON, without a share watched and tasks that a study need not have."""
+        """Return the protocol as a dict for JSON, without ``watched`` if it is the default, and ``tasks`` if empty."""
         more = {"watched": self.watched} if self.watched != WATCHED else {}
         return {
             "rest_s": self.rest_s,

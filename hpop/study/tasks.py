@@ -53,11 +53,13 @@ def check_event(tasks: Options, event: SessionEvent) -> None:
 
 
 class TaskRow(NamedTuple):
-    """Event of a task, or one of its samples, as in the record.
+    """Row of tasks.csv: an event of a task.
 
-    at   UTC, ISO, in ms; of a sample, of the event that holds it
-    due  s from the beginning of the stimulus, by the schedule; of a sample, its time
-    came s, as measured; NaN for samples
+    task   item of the event, such as "rating" or "signal" (`ITEMS`)
+    at     date and time, UTC, ISO, to the millisecond
+    due    s from the beginning of the stimulus, by the schedule; NaN if the event has no such time
+    came   s from the beginning of the stimulus, as measured; NaN if the event has no such time
+    value  rating, count, or another number that ``COLUMNS`` describes; NaN for none
     """
 
     participant: str
@@ -71,7 +73,7 @@ class TaskRow(NamedTuple):
 
 
 class TaskMeasure(NamedTuple):
-    """Measure of the tasks at one place of a session."""
+    """Row of measures.csv: a measure (a name in :data:`MEASURES`) of the stimulus at one place of a session."""
 
     participant: str
     place: int
@@ -143,8 +145,8 @@ def samples_of(values: Iterable[Mapping[str, Any]]) -> FloatArray:
 def check_watched(session: Session, design: Design) -> None:
     """Raise StudyError if the last event is an answer about a video of which too little was watched.
 
-    The page must have played the protocol's share, or the participant have reported the end of another player no sooner
-    than that share of the video lasts.
+    Either the page played the protocol's share of the video. Or the participant reported that another player ended, and
+    at least that share of its duration, less 1 s, had passed.
     """
     last, least = session.events[-1], design.protocol.watched
     letter = last.condition
@@ -246,7 +248,8 @@ def save_tables(answers: Answers, folder: Path) -> list[Path]:
 class Dwell(NamedTuple):
     """Time for which a participant looked at a landmark during a stimulus.
 
-    seconds  in all; glances lasted at least one sample each
+    seconds  in all
+    glances  number of periods without a break, each of at least one sample
     """
 
     participant: str
@@ -266,7 +269,7 @@ def dwell(answers: Answers, front: Front, *, within: float = 10.0, far: float = 
     Parameters
     ----------
     within : degrees
-    far : largest distance, m
+    far : largest distance, m, from which a landmark is seen
     """
     within = real("within", within, 0.1, 180.0, "an angle in degrees", error=StudyError)
     problem = Problem.from_description(front.problem or {})

@@ -103,7 +103,7 @@ class FeltJerk:
 
     smoothing  time, s, over which the motion is smoothed; by default 0.1 (10 Hz)
 
-    It is for the seat what :class:`~hpop.criteria.comfort.motion.Jerk` is for the camera; smoothing is explained there.
+    It is for the seat what ``jerk`` is for the camera; smoothing is explained there.
     Unit m²/s⁵; a criterion of the whole trajectory.
     """
 
@@ -146,9 +146,9 @@ class RideSickness:
     vision  share of the motion that the passenger sees outside, in [0, 1]: 0 for reading, 1 for looking ahead
 
     The passenger's head moves with the seat: its acceleration and rotation are felt, and ``vision`` times both are seen
-    as well. Seeing the motion lets the brain expect it, so vision makes a passenger less sick. A viewer at rest who
-    only sees the motion is the case of :class:`~hpop.criteria.comfort.sickness.Sickness`. Unit %; a criterion of the
-    whole trajectory. Sickness builds up over tau_I = 12 minutes: compare short rides by it, do not predict.
+    as well. Seeing the motion lets the brain expect it, so vision makes a passenger less sick. For a viewer at rest who
+    only sees the motion, use ``sickness``. Unit %; a criterion of the whole trajectory. Sickness builds up over
+    tau_I = 12 minutes: compare short rides by it, do not predict.
 
     Source: :mod:`hpop.criteria.comfort.svc` has the model, its constants, its reading of vision, and its accuracy.
     """

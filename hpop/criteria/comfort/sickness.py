@@ -25,7 +25,7 @@ class Weighting:
     high_pass, low_pass  Hz       band limits
     lead                 Hz       of the transition's numerator; None for a constant numerator
     transition           (Hz, 1)  of acceleration to velocity: frequency and quality factor of the denominator
-    step_up              two of (Hz, 1)  upward step: numerator, then denominator; () for none
+    step_up              two pairs (Hz, 1)  upward step: numerator, then denominator; () for none
     """
 
     high_pass: float

@@ -44,7 +44,8 @@ class CurveShape(NamedTuple):
     length  (M,)  m, negative for motions backwards
     turn    (M,)  rad, rotation
     bend    (M,)  rad, 0 for arcs
-    stray   (M,)  m, distance of the given end from the end of the curve, to the left of its mean heading
+    stray   (M,)  m, signed distance by which the given end is to the left of the end of the curve, across the mean
+                  heading; for clothoids 0, or inf if none was found
     """
 
     length: Column
@@ -60,7 +61,7 @@ class CurveShape(NamedTuple):
 
     @property
     def sharpness(self) -> Column:
-        """Change (M,) of the curvature per metre driven, 1/m²."""
+        """Change (M,) of the curvature per metre of signed length, 1/m²; 0 for a motion of length 0."""
         moves = np.abs(self.length) > 0
         return np.where(moves, 2.0 * self.bend / np.where(moves, self.length, 1.0) ** 2, 0.0)
 
@@ -157,7 +158,7 @@ class SteeredGeometry(LawDefaults):
         return np.abs(first) + np.abs(second)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotations (M,), rad, before and after the curvature changes its sign."""
+        """Return the signed rotations (M,), rad, before and after the curvature changes its sign; 0 after no change."""
         _, turn, bend, _ = self.shape(start, end)
         begin, stop = turn - bend, turn + bend
         changes = begin * stop < 0
@@ -202,7 +203,7 @@ class ArcGeometry(SteeredGeometry):
 
 
 class ClothoidGeometry(SteeredGeometry):
-    """Geometry of clothoids; the Fresnel integrals are computed by Gauss-Legendre quadrature with ten nodes."""
+    """Geometry of clothoids; the Fresnel integrals are computed by Gauss-Legendre quadrature with six or ten nodes."""
 
     def shape(self, start: States, end: States) -> CurveShape:
         return clothoid_shape(start, end)
@@ -237,12 +238,13 @@ class Cruise(SteeredGeometry):
 class CircularArc(Cruise, ArcGeometry):
     """Planned law of arcs and straight moves.
 
-    wheelbase      m
-    steering_rate  rad/s; None if the wheels take any angle at once
-    loss           s, time that the base loses by stopping and starting again
+    speed, reverse_speed  m/s, cruise speeds forwards and backwards
+    wheelbase             m
+    steering_rate         rad/s; None if the wheels take any angle at once: then there are no waits
+    loss                  s, time that the base loses by stopping and starting again
 
     The car steers while it stands: an arc begins and ends with wheels straight ahead, and with a wait for steering and
-    half the loss. Straight moves have no waits. The sum is an upper bound where two arcs meet.
+    half the loss. Straight moves have no waits. Where two arcs meet, the planned waits are at least as long as needed.
     """
 
     speed: float
@@ -277,7 +279,10 @@ class Clothoid(Cruise, ClothoidGeometry):
 
 
 class SteeredRamp(Ramp, SteeredGeometry):
-    """Executed timing: constant acceleration along the curve, from the pace of the start to that of the end."""
+    """Executed timing: constant acceleration along the curve, from the pace of the start to that of the end.
+
+    The pace is the speed as a share of the cruise speed forwards, ``speed``.
+    """
 
     even = frozenset[str]()
     varies = frozenset({"x", "y", "yaw", PACE})
@@ -290,7 +295,7 @@ class SteeredRamp(Ramp, SteeredGeometry):
         return {WAY: (self.speed, self.acceleration)}
 
     def changes(self, start: States, end: States) -> dict[str, Column]:
-        """Return the length (M,) of each motion, m."""
+        """Return the length (M,), m, of each motion, as the only entry of a dict."""
         return {WAY: self.travel(start, end, 0.0)}
 
     def interpolate(self, name: str, start: States, end: States, share: Column) -> Column:
@@ -325,7 +330,7 @@ class ClothoidRamp(SteeredRamp, ClothoidGeometry):
 
 
 def rest_to_rest_ends(length: float, speed: float, acceleration: float) -> FloatArray:
-    """Return the ends of the phases of a run from rest to rest, as rows of distance, m, and speed there, m/s."""
+    """Return the start and the ends of phases of a run from rest to rest, as rows of distance, m, and speed, m/s."""
     ramp = min(0.5 * speed * speed / acceleration, 0.5 * length)
     top = float(np.sqrt(2.0 * acceleration * ramp))
     rows = [(0.0, 0.0), (ramp, top), (length - ramp, top), (length, 0.0)]

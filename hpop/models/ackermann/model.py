@@ -45,7 +45,9 @@ JUMP = 1e-4  # rad: smallest change of the steering angle that counts as a jump
 @model("ackermann")
 @dataclass(frozen=True)
 class Ackermann(PlanarModel):
-    """Car-like base: rear wheels that roll, front wheels that steer; states x, y (m) of the rear axle and yaw (rad).
+    """Car-like base: rear wheels that roll, front wheels that steer.
+
+    Its states are x and y, m, of the middle of the rear axle, and yaw, rad.
 
     wheelbase       m      distance between the axles
     steering        rad    largest steering angle δ; the smallest radius is wheelbase/tan δ
@@ -143,7 +145,10 @@ class Ackermann(PlanarModel):
         return convex_parts(self.footprint, 0.0, self.body_height)
 
     def path(self, a: States, b: States) -> Word:
-        """Return the shortest paths between states (M,), as words with lengths in radii; NaN yaws of b are chosen."""
+        """Return the shortest paths between states (M,), as words with lengths in radii.
+
+        Where a yaw of b is NaN, it is the one of 32 headings with the shortest path.
+        """
         dx, dy = (b.x - a.x) / self.radius, (b.y - a.y) / self.radius
         x, y = dx * np.cos(a.yaw) + dy * np.sin(a.yaw), dy * np.cos(a.yaw) - dx * np.sin(a.yaw)
         shortest = reeds_shepp if self.reverse_speed else dubins
@@ -193,7 +198,7 @@ class Ackermann(PlanarModel):
         return _executed(self, trajectory)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each kind of fault: too sharp, backwards, steering too fast, or beyond a speed limit."""
+        """Yield a text for each kind of fault: too sharp, backwards, too fast in steering or speed, a steering jump."""
         yield from super().faults(trajectory)
         yield from ramp_faults(trajectory)
         kinds = np.array(trajectory.kinds, dtype=object)

@@ -33,13 +33,13 @@ NODES = gauss(20)
 class Primitives:
     """All P primitives of the 16 headings, on a lattice of step 1.
 
-    tail, head  (P,)              number of the heading at the start and at the end
+    tail, head  (P,)              number of the heading at the start and at the end, 0 to 15
     step        (P, 2)            whole numbers of positions from start to end, along x and y
-    knots       (P, LEGS + 1, 3)  x, y and yaw, relative to the position of the start, at the ends of the clothoids; a
-                                  straight step ends with the first of them
-    lengths     (P, LEGS)         lengths of the clothoids, 0 for those that a straight step has not
-    curvature   largest curvature of any primitive
-    sharpness   largest change of the curvature per length
+    knots       (P, LEGS + 1, 3)  at the start and the ends of the clothoids: x and y from the start, and yaw from the
+                                  x axis; a straight step ends with the first clothoid
+    lengths     (P, LEGS)         lengths of the clothoids; 0 for the last three of a straight step
+    curvature   largest curvature of any primitive; on a lattice of step s, it is divided by s
+    sharpness   largest change of the curvature per length; on a lattice of step s, it is divided by s²
     """
 
     tail: IntArray
@@ -89,7 +89,7 @@ def primitives() -> Primitives:
 
 
 def _knots(tail: int, head: int, end: tuple[int, int], lengths: FloatArray, curvatures: FloatArray) -> FloatArray:
-    """Return x, y and yaw (LEGS + 1, 3) at the ends of clothoids; the last row is the lattice state exactly."""
+    """Return x, y and yaw (LEGS + 1, 3) at the start and the ends of clothoids; the last is exactly a lattice state."""
     begin = float(HEADING_ANGLES[tail % HEADINGS])
     rows = [(0.0, 0.0, begin)]
     for length, before, after in zip(lengths, curvatures[:-1], curvatures[1:], strict=False):

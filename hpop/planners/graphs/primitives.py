@@ -40,9 +40,10 @@ ROOM = 1e-6  # m beside a primitive in open space, more than any rounding
 class PrimitiveLattice(ConfigurationRoadmap):
     """Lattice of a car-like base: the start, free states on the grid, then the goals.
 
-    cells       (n, 3)  column, row and heading of the start and of the grid states, counted from the start
+    cells       (n, 3)  of the start and of the grid states: column and row, counted from the start, and number of the
+                heading (:data:`hpop.models.ackermann.primitives.HEADING_ANGLES`)
     step        m, distance between neighbouring positions
-    turned_by   rad, angle between the grid and the map
+    turned_by   rad, angle by which the grid is turned against the map
     """
 
     cells: IntArray = field(kw_only=True)
@@ -58,7 +59,7 @@ class PrimitiveLattice(ConfigurationRoadmap):
 
     @cached_property
     def _known(self) -> tuple[IntArray, IntArray]:
-        """Sorted keys of all primitives by heading at the start, step and heading at the end; and their numbers."""
+        """Sorted keys (:func:`_keys`) of all primitives, and the number of the primitive of each key."""
         p = self.primitives
         keys = _keys(p.tail, p.step, p.head)
         order = np.argsort(keys)
@@ -157,9 +158,9 @@ class PrimitiveLattice(ConfigurationRoadmap):
         chains: Callable[..., MotionChains],
         *classes: IntArray,
     ) -> IntArray:
-        """Return the costs (N, k) of chains, in quanta; those of a criterion that does not read the world, once each.
+        """Return the costs (N, k) of chains, in quanta (smallest cost steps).
 
-        Such a criterion gives a primitive the same cost wherever it begins.
+        A criterion that depends neither on the world nor on the place is computed once for each primitive.
         """
         forwards, backwards = self._numbers(tails, heads), self._numbers(heads, tails)
         number = np.where(forwards >= 0, forwards, np.where(backwards >= 0, backwards + self.primitives.tail.size, -1))
@@ -193,7 +194,7 @@ class PrimitiveLattice(ConfigurationRoadmap):
 
 
 def _is_placeless(criterion: Criterion, chains: MotionChains) -> bool:
-    """Return whether a criterion costs chains alike wherever they begin: it has no fixed place, and reads no world."""
+    """Return True if the cost of a chain does not depend on where it begins: it reads no place and no world."""
     if criterion.world_frame:
         return False
     for _, motions in chains.motions():
@@ -220,14 +221,14 @@ def _keys(tail: IntArray, step: IntArray, head: IntArray) -> IntArray:
 class PrimitivesGraph(GraphFamily):
     """Lattice of a car-like base (``ackermann``), whose arcs are motion primitives that the car drives without a stop.
 
-    step  m, distance between neighbouring positions; None for the smallest on which the car can steer so fast and so
-          sharply
+    step  m, distance between neighbouring positions; None for the smallest at which the car can drive all primitives at
+          its cruise speed
 
     Positions are on a grid through the start, in 16 headings; the grid is parallel to the map, or turned so that the
     start has one of the headings. A primitive is a straight step, a turn by one, two or four headings, or a shift to
     the side, and begins and ends with wheels straight ahead. A car that reverses also drives all of them backwards.
-    Goals are exact: shortest paths of arcs and straight moves lead there from all states within six steps, and the car
-    stands while it steers on these.
+    Goals are exact: shortest paths of arcs and straight moves lead there from the start and from all states within six
+    steps, and on these the car stands while it steers.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "steering"})

@@ -55,7 +55,9 @@ class Coordinates(Protocol):
         """
 
     def quickening(self, states: States, rates: States, changes: States) -> FloatArray:
-        """Return by which factor (N,) motions may be faster, by limits that depend on the path beside `limits`.
+        """Return the factor (N,) by which motions may be faster, by limits beside `limits`, such as a steering rate.
+
+        Below 1, motions must be slower; inf if there is no such limit.
 
         rates, changes  first and second derivatives of the states (N,)
         """

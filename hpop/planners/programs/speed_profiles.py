@@ -377,7 +377,7 @@ class Profiles:
 
         start  profile within this duration. With a limit of jerk, programs are solved one after another, and the first
                one begins with it. A weighted discomfort is improved from the profile of least unweighted acceleration,
-               and ``start`` is returned if it is better
+               and the best of ``start`` and both is returned
         """
         program, most = self._gentlest
         most.value = duration

@@ -57,7 +57,7 @@ class FilterMatrices(NamedTuple):
         return cls(a, b, c, float(d))
 
     def response(self, seconds: float) -> tuple[FloatArray, FloatArray]:
-        """Return e^(a t) and Q (n, n) for a time t without input; x Q x is the integral of y² from state x on."""
+        """Return e^(a t) and Q (n, n) for a time t without input; x Q x is the integral of y² in it, from state x."""
         from scipy.linalg import expm, solve_continuous_lyapunov
 
         whole = solve_continuous_lyapunov(self.a.T, -np.outer(self.c, self.c))

@@ -52,7 +52,7 @@ class OrdinalFit:
     """Maximum-likelihood fit of an ordinal mixed model, made by :func:`ordinal_mixed`.
 
     names           (p,) names of the effects
-    parameters      first threshold, logarithms of the distances to the next ones, effects, logarithm of the deviation
+    parameters      first threshold, logarithms of the distances to the next ones, effects, logarithm of `deviation`
     log_likelihood  at its maximum
     data            scores and effects
     """
@@ -97,7 +97,13 @@ class OrdinalFit:
 def ordinal_mixed(
     scores: FloatArray, people: IntArray, effects: FloatArray, names: Sequence[str], nodes: int = NODES
 ) -> OrdinalFit:
-    """Fit an ordinal mixed model to scores (N,) of people (N,), given by number, and effects (N, p).
+    """Fit an ordinal mixed model to scores, by maximum likelihood.
+
+    scores   (N,)    numbers, of which only the order counts
+    people   (N,)    number of the person who gave each score, from 0
+    effects  (N, p)  values that the effects multiply, such as 1 for scores of a stimulus and 0 for others
+    names    (p,)    of the effects, for messages
+    nodes            number of nodes of the quadrature
 
     Raises StudyError for fewer than two people or levels, for effects that cannot be told apart, and for infinite ones.
     """
@@ -153,7 +159,7 @@ def log_likelihood(parameters: FloatArray, data: Ordered, nodes: int = NODES) ->
 
 
 def thresholds_of(parameters: FloatArray, count: int) -> FloatArray:
-    """Return the thresholds (count - 1,) of parameters."""
+    """Return the thresholds (count - 1,) in parameters of a model with ``count`` levels."""
     return np.asarray(np.cumsum(np.concatenate([parameters[:1], np.exp(parameters[1 : count - 1])])))
 
 
@@ -229,9 +235,9 @@ class Crossover(NamedTuple):
 def crossover(values: FloatArray, places: IntArray, *, before: bool = False) -> Crossover:
     """Fit and test an ordinal mixed model of scores (n, k), which k stimuli got at places (n, k) of the order, from 1.
 
-    With ``before``, the effects of the stimulus at the place before (first-order carry-over) are included: k - 1
-    contrasts, of which those of all stimuli add up to 0, and none at the first place. Missing scores (NaN) are left
-    out, other scores of the person are not.
+    With ``before``, the effects of the stimulus at the place before (first-order carry-over) are included. The
+    effects of the k stimuli add up to 0, so that k - 1 are fitted; the first place has none. Missing scores (NaN) are
+    left out, and the person's other scores are kept.
 
     Raises StudyError as :func:`ordinal_mixed` does.
     """
@@ -264,7 +270,7 @@ def factorial(values: FloatArray, places: IntArray, labels: Mapping[str, Sequenc
 
 
 def _left_out(values: FloatArray, blocks: Mapping[str, FloatArray]) -> Crossover:
-    """Fit scores (n, k) by all blocks of effects (n, k, p), and test the fit against those without one block."""
+    """Fit scores (n, k) by all blocks of effects (n, k, p), and test it against each fit without one of the blocks."""
     known = ~np.isnan(values)
     people = np.broadcast_to(np.arange(len(values))[:, None], values.shape)[known]
 
