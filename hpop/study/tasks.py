@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of, real
 from hpop.base.text import shown
@@ -259,6 +260,7 @@ class Dwell(NamedTuple):
     glances: int
 
 
+@checked_arguments
 def dwell(answers: Answers, front: Front, *, within: float = 10.0, far: float = 1000.0) -> list[Dwell]:
     """Return for how long each participant looked at each landmark, from the samples of the head's orientation.
 
