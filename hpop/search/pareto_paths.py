@@ -16,10 +16,12 @@ from hpop.errors import OptionError
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search import general, machinery, staircase, supported
 from hpop.search.choice import choose_method, choose_order
+from hpop.search.corridor import LARGE, search_in_corridor
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import Free, LazyRun
 from hpop.search.machinery.approximation import EXACT, Precision, proven_gap
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
+from hpop.search.machinery.slices import Clock
 from hpop.search.queries import (
     UNLIMITED,
     ParetoPaths,
@@ -35,7 +37,6 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from hpop.search.general.search import General
-    from hpop.search.machinery.slices import Clock
     from hpop.search.machinery.turns import Groups
     from hpop.search.staircase.search import Staircase
 
@@ -159,20 +160,31 @@ def pareto_paths(
     keeper = Keeper.of(checkpoint, graph, start, targets, method, *options, *["lazily"][: free is not None])
 
     def search(part: Graph, left: Budget) -> ParetoPaths:
-        clock = machinery.slices.Clock(left, progress)
-        run = _ParetoRun(part, start, targets, method, precision, bounds, keeper)
-        try:
-            status = run.go(clock)
-        except KeyboardInterrupt:
-            status = Status.INTERRUPTED
-        try:
-            return run.result(clock, status)
-        except KeyboardInterrupt:  # a second one skips the gap
-            return run.result(clock, Status.INTERRUPTED, proven=False)
+        return _result(_ParetoRun(part, start, targets, method, precision, bounds, keeper), Clock(left, progress))
 
     if free is None:
-        return search(graph, budget)
+        found = None
+        if graph.arcs >= LARGE and not (precision.is_exact or any(bounds) or keeper or method == "general"):
+            found = search_in_corridor(graph, start, targets, precision, _search_part, Clock(budget, progress))
+        return found or search(graph, budget)
     return LazyRun(graph, free, search, budget, progress, keeper, precision.of(range(graph.criteria))).go()
+
+
+def _search_part(graph: Graph, source: int, targets: IntArray, precision: Precision, clock: Clock) -> ParetoPaths:
+    """Search a part of a large graph, see :mod:`.corridor`."""
+    return _result(_ParetoRun(graph, source, targets, "auto", precision, (), None), clock)
+
+
+def _result(run: _ParetoRun, clock: Clock) -> ParetoPaths:
+    """Run a query and return its result, also after Ctrl-C."""
+    try:
+        status = run.go(clock)
+    except KeyboardInterrupt:
+        status = Status.INTERRUPTED
+    try:
+        return run.result(clock, status)
+    except KeyboardInterrupt:  # a second one skips the gap
+        return run.result(clock, Status.INTERRUPTED, proven=False)
 
 
 class _ParetoRun:

@@ -34,7 +34,7 @@ QUICK = 0.1  # s: least time for a search before the exact one
 SHARE = 0.4  # of the building time, if that is longer: the building time also reflects the load of the machine
 COARSE = 0.1  # relative error allowed in the last stage before the exact one
 MOST_COPIED = (
-    40_000_000  # arcs of a graph whose costs are copied for weighted sums, if a part of it was searched before
+    40_000_000  # arcs of a graph that has stages before the exact search, if a part of it was searched before
 )
 
 
@@ -311,7 +311,8 @@ class ExactSearch:
                 with spending.paused():
                     yield _as_stage_of_part(exact, built.part) if built.part else exact
                 return
-        if not (is_second and query.graph.arcs > MOST_COPIED and not query.graph.has_costs):
+        is_vast = is_second and query.graph.arcs > MOST_COPIED and not query.graph.has_costs
+        if not is_vast:
             candidates = query.first_answer(self.name, share, quickly=is_first_kernel_missing() and not is_second)
             with spending.paused():
                 yield candidates
@@ -322,7 +323,7 @@ class ExactSearch:
         if ordered is not None:
             with spending.paused():
                 yield ordered
-        if built.part or not built.is_large or self.eps >= COARSE:
+        if built.part or is_vast or not built.is_large or self.eps >= COARSE:
             return
         coarse = query.exact(self.name, spending.share(query.build_seconds), eps=COARSE, stage=True)
         stage = {"stage": f"within a factor {1 + COARSE:g}"}
