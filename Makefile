@@ -33,6 +33,7 @@ bench: $(TOOLS)
 	$(BIN)/python benchmarks/first_answer.py --out out/bench/first_answer.json
 	$(BIN)/python benchmarks/first_minute.py --out out/bench/first_minute.json
 	$(BIN)/python benchmarks/many_queries.py --out out/bench/many_queries.json
+	$(BIN)/python benchmarks/scale.py --out out/bench/scale.json
 	$(BIN)/python benchmarks/batch.py --out out/bench/batch.json
 	$(BIN)/python benchmarks/speeds.py --out out/bench/speeds.json
 	$(BIN)/python benchmarks/tours.py --out out/bench/tours.json

@@ -17,7 +17,7 @@ are lower bounds. So the front of the corridor and the known paths together are 
 precision.
 
 All rounding is down. A lane counts in 32 bits; B_k is stored in 8 bits a lane, above the least value of 8 neighbours,
-for each k below 8, then each second and from 16 on each fourth.
+for each k below EACH, then each second.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from hpop.search.staircase.two_sided import (
     BLOCK_BITS,
     DEGREE,
     LANES,
-    Arcs,
+    RunArcs,
     encode,
     find_plain,
     follow,
@@ -55,11 +55,12 @@ from hpop.search.staircase.two_sided import (
 
 LARGE = 30_000_000  # arcs of a graph that is searched in a corridor
 RATIOS = (0.15, 6.0)  # weights of the rest cost in the two mixed lanes, for costs of 1 of the whole path
-NEAR, THIN = 4, 3  # known paths have the precision eps / NEAR; a part of them covers them within eps / THIN
-MOST = 40  # layers whose choices are stored
-ROWS = 8 + 4 + (MOST - 16) // 4 + 2
+NEAR, THIN = 4, 6  # known paths have the precision eps / NEAR; a part of them covers them within eps / THIN
+MOST = 32  # layers whose choices are stored
+EACH = 8  # layers of which each is stored; after them each second
+ROWS = EACH + (MOST - EACH) // 2 + 2
 NEVER = 2**16 - 1  # more turns than any path has
-TRIALS, SETTLED, TOO_FAR = 3, 4, 1.6  # sweeps with better guesses; layers until a guess is judged; wrong by this factor
+SETTLED = 4  # layers are stored until so many do not improve the source much
 SAMPLE = 97  # each so many moves are averaged for the first guess
 CLOSE, LARGEST = 0.001, 2.0**20  # a proven gap is so close; a larger gap counts as infinite
 DOWN = 1 - 2.0**-20  # factor beyond the rounding of a product and a sum in 32 bits
@@ -69,7 +70,7 @@ Search: TypeAlias = Callable[[Graph, int, IntArray, Precision, Clock], ParetoPat
 """Search of a graph from a source to targets within a precision."""
 
 
-class Added(NamedTuple):
+class EndArcs(NamedTuple):
     """Arcs that a graph adds to its base: from a start without entering arcs, or to a goal without leaving arcs.
 
     tails, heads (j,), costs (j, 3)  states; first cost, turns and rest cost
@@ -93,8 +94,8 @@ class LargeQuery:
     source: int
     targets: IntArray
     columns: tuple[int, int, int]
-    arcs: Arcs
-    added: Added
+    arcs: RunArcs
+    added: EndArcs
     clock: Clock
 
     @classmethod
@@ -113,45 +114,48 @@ class LargeQuery:
         costs = [np.ascontiguousarray(base.cost(j)) for j in columns]
         if not clock.call(find_plain, base.indptr, base.heads, costs[1], plain):
             return None
-        arcs = Arcs(base.indptr, base.heads, *costs, plain)
+        arcs = RunArcs(base.indptr, base.heads, costs[0], costs[1], costs[2], plain)
         more = graph.added
         tails = np.searchsorted(graph.indptr, more.places, side="right") - 1
-        added = Added(tails, more.heads.astype(np.int64), more.costs[:, list(columns)], more.heads < base.nodes)
+        added = EndArcs(tails, more.heads.astype(np.int64), more.costs[:, list(columns)], more.heads < base.nodes)
         starts, goals = tails[added.onward], more.heads[~added.onward]
         if (starts < base.nodes).any() or np.isin(starts, more.heads).any() or np.isin(goals, tails).any():
             return None
         return cls(graph, source, targets, columns, arcs, added, clock)
 
-    def sweep(self, eps: float) -> Sweep | Status | None:
-        """Sweep all layers from the targets; return a limit that passed instead, or None if no path was found."""
+    def sweep(self, eps: float) -> LayerSweep | Status | None:
+        """Sweep all layers from the targets; return a limit that passed instead, or None if no path was found.
+
+        The weights are those of a whole path with the fewest turns, which a first sweep with guessed weights finds.
+        """
         moves = self.arcs.plain[self.arcs.plain >= 0][::SAMPLE]
-        steps = math.sqrt(len(self.arcs.plain)) / 2
+        steps = 2 * math.sqrt(len(self.arcs.plain))
         typical = [float(costs[moves].mean()) * steps if len(moves) else 1.0 for costs in self._costs]
-        for trial in range(TRIALS):
+        for is_first in (True, False):
             scale = [UNIT / max(1.0, cost) for cost in typical]
             mixed = [(scale[0] / (1 + r), scale[1] * r / (1 + r)) for r in RATIOS]
             weights = np.array([(scale[0], 0.0), (0.0, scale[1]), *mixed])
             if (weights @ self.graph.largest[[self.columns[0], self.columns[2]]] >= FAR).any():
                 return None
-            sweep = Sweep(self, weights, eps)
-            status = sweep.run(is_last=trial == TRIALS - 1)
-            if status is not Status.UNFINISHED:
-                return (sweep if sweep.best[0] < FAR else None) if status is None else status
-            typical = [max(1.0, cost / UNIT * old) for cost, old in zip(sweep.best[:2].tolist(), typical, strict=True)]
-            del sweep
-        return None
+            sweep = LayerSweep(self, weights, eps)
+            if (status := sweep.run(is_first=is_first)) is not None:
+                return status
+            if sweep.best[0] >= FAR:
+                return None
+            typical = [cost / UNIT * old for cost, old in zip(sweep.best[:2].tolist(), typical, strict=True)]
+        return sweep
 
     @property
     def _costs(self) -> tuple[NDArray[Any], NDArray[Any]]:
         return self.arcs.first, self.arcs.rest
 
-    def corners(self, sweep: Sweep, known: IntArray, precision: Precision) -> tuple[NDArray[np.int32], IntArray]:
+    def corners(self, sweep: LayerSweep, known: IntArray, precision: Precision) -> tuple[NDArray[np.int32], IntArray]:
         """Return the corners of the region that the costs ``known`` (p, 3) leave (:class:`.UncoveredCorners`)."""
         covered = least_estimates(known[:, list(self.columns)], precision.eps, precision.of(self.columns))
         corners = UncoveredCorners.of(covered, np.tile(sweep.weights, (2, 1)), self.clock)  # a corner has 8 lanes
         return corners.values[:, :, :LANES].copy(), corners.last
 
-    def gap(self, sweep: Sweep, known: IntArray, precision: Precision) -> float:
+    def gap(self, sweep: LayerSweep, known: IntArray, precision: Precision) -> float:
         """Return a gap of the costs ``known`` (p, 3) to those of all paths, as the layers at the source prove it."""
         low, high = precision.eps, math.inf
         gap = max(low, CLOSE)
@@ -166,7 +170,7 @@ class LargeQuery:
             gap = (low + high) / 2 if math.isfinite(high) else 2 * gap
         return high
 
-    def corridor(self, sweep: Sweep, known: IntArray, precision: Precision) -> IntArray | Status:
+    def corridor(self, sweep: LayerSweep, known: IntArray, precision: Precision) -> IntArray | Status:
         """Return the states of the base through which a path may lead that the costs ``known`` (p, 3) do not cover.
 
         Returns a limit that passed instead.
@@ -209,14 +213,14 @@ class LargeQuery:
         return replace(found.on(self.graph), _source=self.source)
 
 
-class Sweep:
+class LayerSweep:
     """Sweep of all layers of a query, with the lanes of ``weights`` (LANES, 2).
 
     best  (LANES,)  weighted costs of the best paths from the source in the newest layer
     """
 
     def __init__(self, query: LargeQuery, weights: FloatArray, eps: float) -> None:
-        self.query, self.weights, self.near = query, weights, eps / NEAR
+        self.query, self.weights, self.near = query, weights, eps / (2 * NEAR)
         self.narrow = (weights * DOWN).astype(np.float32)
         n = len(query.arcs.plain)
         self.now, self.before = np.full((n, LANES), FAR, np.int32), np.full((n, LANES), FAR, np.int32)
@@ -236,9 +240,9 @@ class Sweep:
         """Weighted costs (LANES,) of the best paths from the source in the newest layer."""
         return self.bests[-1]
 
-    def run(self, *, is_last: bool) -> Status | None:
-        """Sweep until nothing changes; return a limit that passed, UNFINISHED if the weights fit badly, or None."""
-        query, turns, is_stored = self.query, 0, True
+    def run(self, *, is_first: bool) -> Status | None:
+        """Sweep until nothing changes (a first sweep: until the source is reached); return a limit that passed."""
+        query, turns, is_stored = self.query, 0, not is_first
         arcs, clock, n = query.arcs, query.clock, len(query.arcs.plain)
         at = query.targets[query.targets < n]
         self.now[at], self.better[at] = 0, 1
@@ -259,21 +263,18 @@ class Sweep:
             is_end = not (self.better.any() or entered)
             if is_stored:
                 self.last = turns + 1
-            if is_end or (is_stored and turns % (1 << min(2, turns // 8)) == 0):
+            if is_end or (is_stored and (turns < EACH or turns % 2 == 0)):
                 clock.call(encode, self.now, len(self.begins) - 1, self.bases, self.codes)
                 self.begins.append(NEVER if is_end else turns + 1)
-            if is_end:
+            if is_end or (is_first and self.best[0] < FAR):
                 return None
+            clock.report("bounds")
             if (status := clock.exceeded(0, BYTES * n)) is not None:
                 return status
-            reached = [best for best in self.bests if best[0] < FAR][-SETTLED:]
-            if len(reached) == SETTLED:
-                if not is_last and max((UNIT / self.best[:2]).max(), (self.best[:2] / UNIT).max()) > TOO_FAR:
-                    return Status.UNFINISHED
-                is_last = True
-                is_stored &= bool((reached[0] > self.best * (1 + self.near)).any())
+            reached = [best for best in self.bests if best[0] < FAR]
+            settled = len(reached) > SETTLED and (reached[-SETTLED - 1] <= self.best * (1 + self.near)).all()
             turns += 1
-            is_stored &= turns < MOST
+            is_stored &= not settled and turns < MOST
 
     def _enter_goals(self, turns: int, choice: NDArray[np.uint16]) -> bool:
         """Lower states from which an added arc with this number of turns leads to a goal; return if more come later."""
@@ -359,11 +360,11 @@ def search_in_corridor(
         known = replace(first.select(first.costs, rows), status=Status.INTERRUPTED)
         if first.status.is_final:
             gap = query.gap(sweep, known.costs, precision)
-            states = query.corridor(sweep, known.costs, precision)
-            if not isinstance(states, Status):
+            corridor = query.corridor(sweep, known.costs, precision)
+            if not isinstance(corridor, Status):
                 del sweep
-                return _joined(known, gap, query.front(states, precision, search))
-            known = replace(known, status=states)
+                return _joined(known, gap, query.front(corridor, precision, search))
+            known = replace(known, status=corridor)
         else:
             known = replace(known, status=first.status)
     except KeyboardInterrupt:

@@ -15,7 +15,7 @@ HEADINGS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 
 
 def floor(side, seed):
-    """Grid of free cells with four headings: length, turns, and a risk that is drawn for each cell and paid in turns too.
+    """Grid of free cells with four headings: length, turns, and a risk drawn for each cell, which turns cost as well.
 
     The start faces right in one corner, the goal is the opposite corner with any heading.
     """
@@ -50,7 +50,6 @@ def with_exact_ends(graph, goals):
     return graph.extended(n + 2, np.array(tails), np.array(heads), costs, is_reused=True), n, np.array([n + 1])
 
 
-
 def covers(costs, vectors, eps):
     return [bool((costs <= vector * (1 + eps)).all(axis=1).any()) for vector in vectors]
 
@@ -75,7 +74,7 @@ def test_every_state_of_a_path_that_no_known_path_covers_is_in_the_corridor(seed
         for v in range(graph.nodes)
         if not all(covers(known, (before[v][:, None] + after[v]).reshape(-1, 3), precision.eps))
     ]
-    assert 0 < len(needed)
+    assert len(needed) > 0
     assert set(needed) <= set(corridor.tolist())
     assert len(corridor) < graph.nodes
 

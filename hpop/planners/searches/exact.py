@@ -33,9 +33,7 @@ if TYPE_CHECKING:
 QUICK = 0.1  # s: least time for a search before the exact one
 SHARE = 0.4  # of the building time, if that is longer: the building time also reflects the load of the machine
 COARSE = 0.1  # relative error allowed in the last stage before the exact one
-MOST_COPIED = (
-    40_000_000  # arcs of a graph that has stages before the exact search, if a part of it was searched before
-)
+MOST_COPIED = 40_000_000  # arcs of a graph that has stages before the exact search, if a part of it was searched before
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,13 +16,13 @@ from hpop.runtime.compiled import kernel, lean
 LANES = 4
 DEGREE = 15  # a state has fewer arcs, so that four bits name each, or
 ADDED = 15  # an added arc
-BLOCK_BITS, BASE_BITS, CODE_BITS = 3, 12, 16  # 8 states have one base; units of a base and of a code
+BLOCK_BITS, BASE_BITS, CODE_BITS = 3, 12, 15  # 8 states have one base; units of a base and of a code
 MOST_BASE, MOST_CODE = 2**16 - 1, 2**8 - 1
 
 Lanes = NDArray[np.int32]
 
 
-class Arcs(NamedTuple):
+class RunArcs(NamedTuple):
     """Arcs of the base of a graph, with the costs of the search, and arcs that only a query has (:class:`.AddedArcs`).
 
     indptr, heads       arcs of the base
@@ -73,7 +73,7 @@ def pull_turns(
     """Write to `now` (n, LANES) the remaining costs of the states from `begin` to `end` after at most one turn.
 
     before, changed  (n, LANES) and (n,)  costs with one turn less, and a mask of the states where these became less
-    arcs, weights    fields of :class:`Arcs`; (LANES, 2)
+    arcs, weights    fields of :class:`RunArcs`; (LANES, 2)
     better, choice   (n,)  written: whether a cost became less, and 1 + the arc of the state that did it, 4 bits a lane
     """
     indptr, heads, first, turns, rest, _ = arcs
@@ -140,30 +140,33 @@ def encode(now: Lanes, row: int, bases: NDArray[np.uint16], codes: NDArray[np.ui
             least = np.int64(now[begin, k])
             for v in range(begin, end):
                 least = np.int64(min(least, now[v, k]))
-            base = min(least >> BASE_BITS, MOST_BASE)
+            base: Any = min(least >> BASE_BITS, MOST_BASE)
             bases[row, block, k] = base
             for v in range(begin, end):
-                codes[row, v, k] = min(MOST_CODE, (np.int64(now[v, k]) - (base << BASE_BITS)) >> CODE_BITS)
+                code: Any = min(MOST_CODE, (np.int64(now[v, k]) - (base << BASE_BITS)) >> CODE_BITS)
+                codes[row, v, k] = code
 
 
 @lean
-def is_in_corridor(v: int, turns: int, forward: Lanes, layers: Any, corners: Any, bound: IntArray) -> bool:
-    """Return whether a path through state v that makes `turns` turns before it may be uncovered by the known paths.
+def is_in_corridor(v: int, turns: int, forward: Lanes, layers: Any, corners: Any, bound: IntArray, first: int) -> int:
+    """Return a row of layers by which a path through state v, with `turns` turns before it, may be uncovered; else -1.
 
     forward  (n, LANES)  least weighted cost to each state with these turns
     layers   bases, codes, first number of turns of each row, number of rows, least number of further turns (n,)
     corners  fields of :class:`.UncoveredCorners`
     bound    (LANES,)  scratch
+    first    row that is tried first
     """
     bases, codes, begins, fewest = layers
     values, last = corners
-    for row in range(len(begins) - 1):
+    for i_row in range(-1, len(begins) - 1):
+        row = np.int64(first if i_row < 0 else i_row)
         if begins[row + 1] <= fewest[v]:
             continue
         for k in range(LANES):
             excess = (np.int64(bases[row, v >> BLOCK_BITS, k]) << BASE_BITS) + (np.int64(codes[row, v, k]) << CODE_BITS)
             bound[k] = np.int64(forward[v, k]) + excess
-        if row > 0 and begins[row] > fewest[v]:
+        if i_row > 0 and begins[row] > fewest[v]:
             equal = True
             for k in range(LANES):
                 equal &= codes[row, v, k] == codes[row - 1, v, k]
@@ -185,8 +188,8 @@ def is_in_corridor(v: int, turns: int, forward: Lanes, layers: Any, corners: Any
             for k in range(LANES):
                 inside &= values[n, i, k] >= bound[k]
             if inside:
-                return True
-    return False
+                return int(row)
+    return -1
 
 
 @lean
@@ -218,7 +221,7 @@ def push(
     Other arguments as in :func:`is_in_corridor` and :func:`pull_turns`.
     """
     indptr, heads, first, is_turn, rest, plain = arcs
-    reached = 0
+    reached, last = 0, np.int64(0)
     for i in range(len(states)):
         v = np.int64(states[i])
         for a in range(indptr[v], indptr[v + 1]):
@@ -239,17 +242,19 @@ def push(
         count -= 1
         v = np.int64(waiting[count])
         mark[v] &= 0xFE
-        if not is_in_corridor(v, turns, forward, layers, corners, bound):
+        row = is_in_corridor(v, turns, forward, layers, corners, bound, last)
+        if row < 0:
             continue
+        last = row
         if mark[v] & 2 == 0:
             after[reached] = v
             reached += 1
         mark[v] |= 6
-        a = np.int64(plain[v])
-        if a < 0:
+        onward = np.int64(plain[v])
+        if onward < 0:
             continue
-        u, better = np.int64(heads[a]), False
-        x, y = np.float32(first[a]), np.float32(rest[a])
+        u, better = np.int64(heads[onward]), False
+        x, y = np.float32(first[onward]), np.float32(rest[onward])
         for k in range(LANES):
             cost = np.int32(forward[v, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y))
             if cost < forward[u, k]:
@@ -277,9 +282,11 @@ def follow(
 
     Returns v << 5 | choice for the last state. `choice` (n,) is that of :func:`pull_turns` for this `layer`.
     """
+    indptr, heads, _, turns, _, _ = arcs
+    at = np.int64(v)
     while True:
-        passed[v] = 1
-        name = (np.int64(choice[v]) >> (4 * lane)) & 15
-        if name == 0 or name == ADDED or arcs[3][arcs[0][v] + name - 1] > 0:
-            return np.int64((v << 5) | name)  # type: ignore[return-value]  # as all kernels' indices
-        v = np.int64(arcs[1][arcs[0][v] + name - 1])
+        passed[at] = 1
+        name = (np.int64(choice[at]) >> (4 * lane)) & 15
+        if name == 0 or name == ADDED or turns[indptr[at] + name - 1] > 0:
+            return int((at << 5) | name)
+        at = np.int64(heads[indptr[at] + name - 1])
