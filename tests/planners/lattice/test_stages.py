@@ -405,10 +405,10 @@ def test_a_search_that_goes_on_from_a_checkpoint_has_no_first_answers(tmp_path):
     assert last.status is Status.COMPLETE
 
 
-def test_a_very_large_lattice_goes_from_its_part_to_a_coarse_front(large, monkeypatch):
+def test_a_very_large_lattice_goes_from_its_part_to_its_last_front(large, monkeypatch):
     whole = found(problem(("exposure", "turns", "length")))
     monkeypatch.setattr(exact_search, "MOST_COPIED", 0)
     stages = found(problem(("exposure", "turns", "length")))
-    assert len(stages) == len(whole) - 1
-    assert all("supported" not in stage.certificate for stage in stages[1:])
+    assert len(stages) < len(whole)
+    assert all("supported" not in stage.certificate and "within" not in stage.certificate for stage in stages[1:])
     assert same(stages[-1], whole[-1])
