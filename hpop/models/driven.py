@@ -91,7 +91,7 @@ class Drive(LawDefaults):
         return _absolute_integral(end.clock - start.clock, start.turn_rate, end.turn_rate)
 
     def pieces(self, start: States, end: States, reach: float, bulge: float) -> Column:
-        """Return into how many equal times Δ (M,) curves must be cut for collision tests.
+        """Return the number (M,) of equal times Δ into which curves must be cut for collision tests.
 
         A point at distance r from the axis accelerates by at most A = |a| + |v ω| + r (|α| + ω²), so it is at most
         A Δ²/8 from its chord. For r up to ``reach``, m, that must be within ``bulge``, m.

@@ -216,7 +216,7 @@ class PlanarCurve(PlanarLaw, Curve, Protocol):
         """Return the absolute rotation (M,) of the base, rad; turns left and turns right both count."""
 
     def pieces(self, start: States, end: States, reach: float, bulge: float) -> Column:
-        """Return into how many equal shares (M,) curves must be cut for collision tests.
+        """Return the number (M,) of equal shares into which curves must be cut for collision tests.
 
         No point within ``reach``, m, of the axis then leaves the chord of its path by more than ``bulge``, m.
         """

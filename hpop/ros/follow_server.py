@@ -43,7 +43,7 @@ class WallClock:
     """Time of this machine, s, of which only differences count."""
 
     def now(self) -> float:
-        """Return the time, s; RosError if it is not known yet."""
+        """Return the time, s."""
         return monotonic()
 
     def stamp(self) -> int:
@@ -51,7 +51,7 @@ class WallClock:
         return time_ns()
 
     def wait(self, due: float, closed: Event) -> float | None:
-        """Wait until a time, s, and return the time; None if it is not known yet, or ``closed`` was set."""
+        """Wait until a time ``due``, s, and return the time; None if ``closed`` was set meanwhile."""
         return None if closed.wait(max(0.0, due - monotonic())) else monotonic()
 
 
@@ -62,7 +62,7 @@ class SimulatedClock(WallClock):
         self._condition, self._now = Condition(), -math.inf
 
     def hear(self, message: Any) -> bool:
-        """Take a message of /clock; return whether time was set back. RosError for an invalid message."""
+        """Take a message of /clock; return True if its time is before the last one. RosError for an invalid message."""
         now = time_of({"header": {"stamp": mapping(message, "the clock").get("clock")}}, "the clock") / SECOND
         with self._condition:
             before, self._now = self._now, now
@@ -80,7 +80,11 @@ class SimulatedClock(WallClock):
         return round(self.now() * SECOND)
 
     def wait(self, due: float, closed: Event) -> float | None:
-        """Wait until a time, s, or until time is set back before it by over `BACK` s; return the time as above."""
+        """Wait until a time, s, and return the time; None if ``closed`` was set.
+
+        If no time is known yet, wait for the first message. If the time is set back by more than `BACK` s before
+        ``due``, return at once.
+        """
         with self._condition:
             while not closed.is_set() and (self._now == -math.inf or due - BACK <= self._now < due):
                 self._condition.wait(WAKES)

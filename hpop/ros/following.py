@@ -107,7 +107,7 @@ class Follower(GoalDrive):
             self.end(False, "canceled", canceled=True)
 
     def drop(self, why: str = "the connection was lost") -> None:
-        """Give up the goal and forget where the robot is."""
+        """Give up the goal, and forget all that has been heard of the robot and its surroundings."""
         with self._lock:
             if self.goal is not None:
                 self.end(False, why)
@@ -118,8 +118,8 @@ class Follower(GoalDrive):
         """Take an option: "knee", "fewest turns" or a row of the front that was last published.
 
         A robot that drives changes its plan at a place ahead, without a stop unless the option turns there. If there is
-        no such place, it first stops, and plans again from there. While it drives, a row can be taken from the options
-        that were published last, up to the time that they name.
+        no such place, it first stops, and plans again from there. While it drives, a row can be taken only from options
+        that were offered on the way, until their time ``until``. Raises RosError for an option that cannot be taken.
         """
         if not isinstance(option, str) or not 0 < len(option) <= LONGEST_CHOICE:
             raise RosError(f"an option must be a name such as knee, or a row, got {shown(option)}")

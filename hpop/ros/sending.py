@@ -122,7 +122,11 @@ class GoalSender(MessageServer):
 
 
 def outcome(status: Any, values: Mapping[str, Any]) -> str:
-    """Return "" if a goal was reached, else the reason, by its final status and the fields of its result."""
+    """Return "" if a goal was reached, else the reason why not.
+
+    status  final status of the action's goal (`GoalStatus`)
+    values  fields of the result, such as "error_code"
+    """
     if status != GoalStatus.SUCCEEDED:
         said = values.get("error_string") or values.get("error_code") or ""
         known = next((one.name.lower() for one in GoalStatus if one == status), shown(status))

@@ -128,8 +128,9 @@ class Tracker:
     def follow(self, trajectory: Trajectory, clock: float | None = None) -> None:
         """Continue with another plan from its time ``clock``, s, on; commands go on from the last one.
 
-        The next call of :meth:`command` must give times since the other plan began: ``clock``, or a little later. With
-        None, both plans are executed alike up to now and for as long as the robot's delay; then the clock goes on.
+        From the next call on, :meth:`command` must get times since the new plan began: ``clock``, or a little later.
+        With None, the clock of the old plan goes on; then both plans must be executed alike until now and for the
+        robot's delay after it.
         """
         times, rows, self._stands_until = _sampled(trajectory)
         self.duration = float(times[-1])

@@ -124,7 +124,7 @@ class Design:
         forms : ids of questionnaires that hpop has, or paths of your own files
         comparisons : whether pairs of stimuli are compared at the end of the session
         baselines : trajectories that are not on the front; give :func:`hpop.study.prepare` the same ones
-        kind : "ride" (pages) or "video" (360 degrees, for a headset's own player)
+        kind : "ride" (pages) or "video" (360 degrees, played around the viewer on a page, or by a headset's own player)
         factors : levels by factor, such as {"latency": (0, 0.5)}; each combination is shown with each row and baseline.
             Factors are "cue", "latency", "restrictor" and "setting"; None is a level without cue or restrictor
         seed : seed of the random letters, orders, pairs and schedules of tasks
@@ -380,7 +380,8 @@ class Design:
     def scheduled(self, participant: str, place: int) -> dict[str, Any]:
         """Return the tasks at a place of a participant's session as {"tasks": ...}, with their times.
 
-        Times are s from the beginning of the stimulus. They differ between participants and places, as the seed says.
+        Times are s from the beginning of the stimulus. Those of tones and signals are drawn from the seed, anew for
+        each participant and place.
         The result is {} without tasks, and for live stimuli.
         """
         condition = self.condition(self.participant(participant).order[place - 1])

@@ -114,8 +114,8 @@ class _Budget:
 def nbytes(value: Any, within: tuple[int, ...] = ()) -> int:
     """Return the memory, bytes, of a value: of all arrays and coordinates in it, its items, or its attributes.
 
-    Caches count for nothing, as their own budget counts them, and neither does a value ``within`` (by id) itself, such
-    as a person who is their own prediction.
+    Caches are not counted, since they have a budget of their own. Nor are values whose ids are in ``within``: a value
+    that contains itself, such as a person who is their own prediction, is counted once.
     """
     if isinstance(value, Cache) or id(value) in within:
         return 0

@@ -172,7 +172,7 @@ class SteeredGeometry(LawDefaults):
         return np.where(np.abs(shape.turn) <= MOST_TURN, np.abs(shape.stray), np.inf)
 
     def pieces(self, start: States, end: States, reach: float, bulge: float) -> Column:
-        """Return into how many equal shares (M,) curves must be cut for collision tests.
+        """Return the number (M,) of equal shares into which curves must be cut for collision tests.
 
         No point within ``reach``, m, of the axis then leaves the chord of its path by more than ``bulge``, m.
         """

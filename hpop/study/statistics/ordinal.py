@@ -3,7 +3,7 @@
 P(score <= level j) = logistic(threshold_j - effects - person), where the intercepts of people are normal. Each distinct
 score is a level; no distance between levels is assumed. The likelihood is integrated over the intercepts by adaptive
 Gauss-Hermite quadrature (Liu and Pierce 1994, Biometrika 81, 624-629), as ``clmm`` of R's package *ordinal* does.
-Python has no library for such models that we would call well kept: statsmodels' OrderedModel has no random effects.
+No well-maintained Python library has such models: statsmodels' OrderedModel has no random effects.
 """
 
 from __future__ import annotations

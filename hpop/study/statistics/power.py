@@ -152,7 +152,7 @@ def power(
 def _from_effect(effect: Any, k: int, correlation: float, like: Any, test: str | None = None) -> tuple[Draw, int]:
     """Return a function that draws normal scores, shifted by the effect of each stimulus, and the number of stimuli.
 
-    With ``like``, a pilot's scores, and for the test "mixed", each draw is mapped to a score (:class:`_Pieces`).
+    With ``like``, a pilot's scores, and for the test "mixed", each draw is mapped to a score (:func:`_pieces`).
     """
     if effect is None:
         raise StudyError("give the least effect that would matter, in standard deviations, or a pilot's scores")
@@ -188,9 +188,10 @@ class _Pieces(NamedTuple):
 
 
 def _pieces(like: Any, test: str | None) -> _Pieces | None:
-    """Return the scores of a pilot as a step function of a standard normal variable; None without a pilot.
+    """Return a step function from a standard normal variable to scores; None if scores are to be normal.
 
-    The mixed model has equally frequent scores instead.
+    like  scores of a pilot, whose frequencies the function keeps; None for none: then the test "mixed" has equally
+          frequent scores, and other tests have normal ones
     """
     if like is None and test == "mixed":
         return _Pieces(np.arange(float(LEVELS)), stats.norm.ppf(np.arange(1, LEVELS) / LEVELS))

@@ -1,7 +1,7 @@
 // A 360 degree video on a sphere round the viewer, and which part of it was played.
 import { Mesh, MeshBasicMaterial, SphereGeometry, SRGBColorSpace, VideoTexture } from "three";
 
-/** m; beyond it there is nothing */
+/** m, radius of the sphere */
 const RADIUS = 50;
 
 export interface WatchedValue {
@@ -50,7 +50,7 @@ export class Film {
     player.addEventListener("play", () => { if (this.pauses > 0) this.tell("continued"); });
   }
 
-  /** What was watched, of the seconds that the video has, or has by the design if these are more. */
+  /** Share of the video that was played; its length is that of the file, or of the design if this is longer. */
   get watched(): WatchedValue {
     const { played, duration } = this.player;
     const samples = Array.from({ length: played.length }, (_, i): [number, number] => [rounded(played.start(i)), rounded(played.end(i))]);

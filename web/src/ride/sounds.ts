@@ -1,7 +1,7 @@
 // Sounds at exact times. The sound card has its own clock: its offset to the page's clock is measured again and again.
 // Each sound is handed over before its time, so that a slow picture does not delay it, and is moved if the clocks drift.
 
-/** Frequencies, Hz, one after the other, and s that each lasts. */
+/** Frequencies, Hz, one after the other, and the duration of each, s. */
 const SOUNDS = {
   tone: { pitches: [440], each: 0.15 },
   signal: { pitches: [1320], each: 0.15 },
@@ -12,7 +12,7 @@ export type Sound = keyof typeof SOUNDS;
 const LOUD = 0.25;
 /** s of fading in and out, without which a tone clicks */
 const SOFT = 0.005;
-/** ms for which a measured offset is kept; the median of these counts. Before there are LEAST of them, it is unsure. */
+/** ms for which a measured offset is kept; the offset is their median, and unsure while there are fewer than LEAST. */
 const KEPT = 500;
 const LEAST = 5;
 
@@ -26,7 +26,7 @@ export class Sounds {
   private readonly context = new AudioContext({ latencyHint: "interactive" });
   private offsets: { readonly at: number; readonly offset: number }[] = [];
 
-  /** Sounds are allowed once somebody has pressed a button. */
+  /** Lets sounds begin; browsers allow it after a button was pressed. */
   open(): void {
     void this.context.resume();
   }

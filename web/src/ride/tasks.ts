@@ -1,5 +1,5 @@
-// What is measured during a stimulus: ratings, the direction of the head, counted tones, reactions. hpop/study/tasks.py
-// draws their times. An event has the time at which it is due and the time at which it came, s from the beginning.
+// Tasks during a stimulus: ratings, the direction of the head, counted tones, reactions. hpop/study/protocol.py draws
+// their times. An event has the time at which it is due and the time at which it came, s from the beginning.
 import { Quaternion, Vector3 } from "three";
 import { button, element } from "../shared/dom";
 import { type Playing, type Sound, Sounds } from "./sounds";
@@ -22,12 +22,12 @@ export type TaskValue = Readonly<Record<string, number | readonly (readonly numb
 /** Tells an event: its item, its value, and its time by the page's clock, ms. */
 export type Tell = (item: string, value: TaskValue, at: number) => void;
 
-/** ms before its time at which a sound is handed over: longer than the slowest picture, and while clocks are not compared yet */
+/** ms before its time at which a sound is handed over, longer than the slowest picture; AT_LAST while the clocks are unsure */
 const AHEAD = 1000;
 const AT_LAST = 250;
 /** ms between looks at the clocks, besides those of each picture */
 const TICK = 20;
-/** ms by which a sound may be off before it is moved, and before its time after which it stays */
+/** ms by which a sound may be off before it is moved; less than SETTLED ms before its time, it is not moved any more */
 const OFF = 1;
 const SETTLED = 30;
 /** s of samples in one event */
@@ -246,7 +246,7 @@ export class Tasks {
     }
   }
 
-  /** Ends what was not answered in time. */
+  /** Ends a signal and a question that were not answered in time. */
   private expire(now: number): void {
     const { signal, asked, plan } = this;
     if (signal !== null && now - signal.came > 1000 * (plan.reaction?.wait ?? 0)) {
