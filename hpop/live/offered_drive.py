@@ -55,6 +55,7 @@ class OfferedDrive:
         self.prefix: Trajectory | None = None
         self.goal: Destination | None = None
         self.offer: Offer | None = None
+        self._checked: tuple[tuple[Trajectory, ...], DriveSurroundings, dict[int, bool]] = (), self.surroundings, {}
         self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
         self._pushed = -math.inf  # s, time of the last push beside a request
@@ -101,7 +102,13 @@ class OfferedDrive:
 
     def _is_open(self, offer: Offer, option: int) -> bool:
         """Return whether a way of an offer is clear of closed areas and people as they are predicted now."""
-        return offer.is_open(option, self.surroundings, self.planning.planner.margin)
+        ways, now = offer.ways.trajectories, self.surroundings
+        if self._checked[0] is not ways or self._checked[1] is not now:
+            self._checked = ways, now, {}
+        known = self._checked[2]
+        if option not in known:
+            known[option] = offer.is_open(option, now, self.planning.planner.margin)
+        return known[option]
 
     def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
         """Take a way of an offer: yield the plan for the robot, and the message "taken"."""
