@@ -289,7 +289,7 @@ def _front_table(front: Front, rows: Sequence[int], names: Mapping[int, Sequence
 
 
 def driven_speeds(trajectory: Trajectory) -> str:
-    """Return the speeds, m/s, at which a plan drives, such as "0.5 1", for a speed profile "up to 0.9"; "-" for none.
+    """Return the speeds, m/s, among which a plan chose, such as "0.5 1"; for a speed profile "up to 0.9"; "-" for none.
 
     For a robot that chooses among laws, such as an arm, the kinds of motion that it chooses follow: "reach_0.5".
     """

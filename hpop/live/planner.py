@@ -35,7 +35,7 @@ from hpop.world import Person
 AHEAD = 0.8
 """Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
 TIMES_AHEAD, MOST_AHEAD = 3.0, 3.0
-"""The same as a multiple of the time that finding them last took, if that is more; and its largest value, s."""
+"""If this is longer than AHEAD: the time as a multiple of the duration of the last search; its largest value, s."""
 LEAD_AMONG_PEOPLE = 2.0
 """Time, s, until a plan among moving people begins, so that it is found and chosen before then."""
 KEPT_OFFERS = 8

@@ -35,7 +35,7 @@ LOST = 5.0
 RENEWED, RENEWED_BEFORE = 0.4, 0.5
 """Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
 RESTS, BEFORE = 2.0, 1.5
-"""The same two times, as multiples of the time that the last offer took, if that is more."""
+"""If these are longer: the two times above, as multiples of the duration of the last search for ways."""
 SEEN = 1.5
 """Least time, s, between two predictions of the people."""
 PREDICTED = 4.0

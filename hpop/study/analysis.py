@@ -157,8 +157,9 @@ class Analysis:
     form        id of the questionnaire of the analysed score
     score       name of the analysed score
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
-    tables      rows by the name of the table: "stimuli", "scores", "test", "pairs", "against before", "places",
-                "carry-over", "stimulus before", "balance", "choices", "favourites", "strengths", if the answers suffice
+    tables      rows by the name of the table: "stimuli", "scores", "test", "factors", "pairs", "against before",
+                "places", "carry-over", "stimulus before", "balance", "choices", "favourites", "strengths", "live"; only
+                those that the method, the design and the answers allow
     choices     every decision of the analysis by topic: the test, ties, people left out
     """
 

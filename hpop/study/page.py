@@ -87,7 +87,7 @@ def save_stimuli(
     """Write the stimulus of each condition to a folder, created if missing, and return the files by letter.
 
     Each stimulus is a page, ``A.html``; 360 degree videos also have ``A.mp4``, which the page plays, and need
-    hpop[video].
+    hpop[video]; for them, the returned file is the video. Conditions of the kinds "live" and "robot" have no stimulus.
 
     Parameters
     ----------

@@ -44,7 +44,7 @@ TITLES = {
     "stimuli": "Stimuli: how long each lasts, and its costs",
     "scores": "Scores",
     "test": "Do the stimuli differ?",
-    "factors": "Which factors matter? (each without the others' interactions)",
+    "factors": "Which factors matter? (likelihood-ratio tests, without interactions)",
     "pairs": "Which stimuli differ? (positive: the second scores higher)",
     "against before": "Against the answers before (positive: the stimulus scores higher)",
     "places": "Scores by place",
