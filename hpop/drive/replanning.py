@@ -114,6 +114,8 @@ class Replanner:
         is_lost = found.candidates.status is Status.NO_PATH and self._tours is None
         if not is_lost or not now.touched(commit.state, commit.time):
             return found
+        if now.moving and self.stopping(now, commit) is not None:  # first, people are taken to stop before the robot
+            return found
         out = led_out(self._without_time(now) if now.moving else self.graph(now), problem, now, commit, self.objectives)
         if out is None:
             return found._replace(candidates=held(found.candidates, problem.model))

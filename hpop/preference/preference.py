@@ -48,6 +48,7 @@ NOT_RANDOM = 0.1
 """Probability of random answers from which on asking stops only at the number of questions, not by ``SURE``."""
 ASKING = 1_000
 """Number of draws for choosing the next question, and for deciding whether to ask one."""
+MOST_DRAWS = 1_000_000
 JUDGING = 2_000
 """Number of draws for choosing the best row."""
 PREFER, COMFORT = "prefer", "comfort"
@@ -306,6 +307,7 @@ class Preference:
 
     def equal_draws(self, count: int = JUDGING) -> Draws:
         """Return ``count`` equally weighted draws of the posterior of the person's weights."""
+        count = whole("count", count, 1, MOST_DRAWS, "a number of draws", error=StudyError)
         return self.draws.equally_weighted(count, np.random.default_rng([self.seed, 3, len(self.answers), count]))
 
     def _points(self) -> ItemFront[Any]:
