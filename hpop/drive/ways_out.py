@@ -42,7 +42,7 @@ MOST_STATES = 40  # that are continued after each number of motions
 ENOUGH = 6000  # states, after which the search ends
 FARTHEST = 1.2  # m, of one straight move
 NEAR = 2.0  # m: areas that are farther from the robot's reach are not looked at
-MOST_TRIED = 12
+MOST_TRIED = 12  # trajectories that are tested as whole motions
 BEST = 3  # states after each number of motions that are tried
 
 
@@ -176,7 +176,7 @@ def held(found: Candidates, model: Model) -> Candidates:
 
 
 def described(trajectories: Sequence[Trajectory]) -> dict[str, Any]:
-    """Return trajectories as the result of a search that a drive logs, so that it can be repeated."""
+    """Return trajectories as a dict for the log of a drive, from which the drive can be repeated."""
     return {"ways": [trajectory.describe() for trajectory in trajectories]}
 
 
@@ -194,8 +194,8 @@ def _words(way: Trajectory) -> str:
 def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here: States) -> Iterator[Trajectory]:
     """Yield a few trajectories from a state (1,) to states clear of people, by number of motions.
 
-    They end where the robot may turn without touching a person; a last one ends with the most room. There are none for
-    a robot with several speeds.
+    They end where the robot may turn without touching a person; after these, one ends with the most room. At most 12
+    are tried. There are none for a robot with several speeds.
 
     world     the bare world, without people
     closings  closed areas, among them the bodies of people

@@ -17,7 +17,7 @@ are lower bounds. So the front of the corridor and the known paths together are 
 precision.
 
 All rounding is down. A lane counts in 32 bits; B_k is stored in 8 bits a lane, above the least value of 8 neighbours,
-for each k below EACH, then each second.
+for each k below EACH, then for every second k.
 """
 
 from __future__ import annotations
@@ -57,14 +57,14 @@ LARGE = 30_000_000  # arcs of a graph that is searched in a corridor
 RATIOS = (0.15, 6.0)  # weights of the rest cost in the two mixed lanes, for costs of 1 of the whole path
 NEAR, THIN = 4, 6  # known paths have the precision eps / NEAR; a part of them covers them within eps / THIN
 MOST = 32  # layers whose choices are stored
-EACH = 8  # layers of which each is stored; after them each second
+EACH = 8  # first layers, all of which are stored; of later layers, every second one
 ROWS = EACH + (MOST - EACH) // 2 + 2
 NEVER = 2**16 - 1  # more turns than any path has
-SETTLED = 4  # layers are stored until so many do not improve the source much
-SAMPLE = 97  # each so many moves are averaged for the first guess
-CLOSE, LARGEST = 0.001, 2.0**20  # a proven gap is so close; a larger gap counts as infinite
+SETTLED = 4  # choices are stored until this many layers in a row hardly improve the costs at the source
+SAMPLE = 97  # the first guess averages the costs of every 97th move
+CLOSE, LARGEST = 0.001, 2.0**20  # precision of a proven gap; a larger gap counts as infinite
 DOWN = 1 - 2.0**-20  # factor beyond the rounding of a product and a sum in 32 bits
-BYTES = 2 * (MOST - 5) + 4 * (ROWS + ROWS // 4) + 3 * 4 * LANES + 40  # a state, while its corridor is computed
+BYTES = 2 * (MOST - 5) + 4 * (ROWS + ROWS // 4) + 3 * 4 * LANES + 40  # for each state, while a corridor is computed
 
 Search: TypeAlias = Callable[[Graph, int, IntArray, Precision, Clock], ParetoPaths]
 """Search of a graph from a source to targets within a precision."""
@@ -73,8 +73,9 @@ Search: TypeAlias = Callable[[Graph, int, IntArray, Precision, Clock], ParetoPat
 class EndArcs(NamedTuple):
     """Arcs that a graph adds to its base: from a start without entering arcs, or to a goal without leaving arcs.
 
-    tails, heads (j,), costs (j, 3)  states; first cost, turns and rest cost
-    onward                           (j,)  whether the head is a state of the base
+    tails, heads  (j,)    nodes
+    costs         (j, 3)  first cost, turns and rest cost
+    onward        (j,)    True for arcs from a start to a state of the base, False for arcs to a goal
     """
 
     tails: IntArray
@@ -85,7 +86,7 @@ class EndArcs(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class LargeQuery:
-    """Query of a large graph in which every arc turns once or not at all, and states lie on straight runs.
+    """Query of a large graph in which each arc has one turn or none, and arcs without a turn form straight runs.
 
     columns  columns of the first cost, the turns and the rest cost
     """
@@ -124,7 +125,9 @@ class LargeQuery:
         return cls(graph, source, targets, columns, arcs, added, clock)
 
     def sweep(self, eps: float) -> LayerSweep | Status | None:
-        """Sweep all layers from the targets; return a limit that passed instead, or None if no path was found.
+        """Return the sweep of all layers from the targets, or the status of a limit that passed meanwhile.
+
+        Returns None if there is no path, or if weighted costs could exceed 32 bits.
 
         The weights are those of a whole path with the fewest turns, which a first sweep with guessed weights finds.
         """
@@ -156,7 +159,10 @@ class LargeQuery:
         return corners.values[:, :, :LANES].copy(), corners.last
 
     def gap(self, sweep: LayerSweep, known: IntArray, precision: Precision) -> float:
-        """Return a gap of the costs ``known`` (p, 3) to those of all paths, as the layers at the source prove it."""
+        """Return a gap of the costs ``known`` (p, 3) to those of all paths, as the layers at the source prove it.
+
+        Returns inf for a gap above LARGEST.
+        """
         low, high = precision.eps, math.inf
         gap = max(low, CLOSE)
         while gap < LARGEST and high - low > CLOSE:
@@ -173,7 +179,7 @@ class LargeQuery:
     def corridor(self, sweep: LayerSweep, known: IntArray, precision: Precision) -> IntArray | Status:
         """Return the states of the base through which a path may lead that the costs ``known`` (p, 3) do not cover.
 
-        Returns a limit that passed instead.
+        Returns the status of a limit that passed, instead of the states.
         """
         tables = (self.arcs, sweep.narrow, sweep.stored(), self.corners(sweep, known, precision))
         n = len(self.arcs.plain)
@@ -241,7 +247,7 @@ class LayerSweep:
         return self.bests[-1]
 
     def run(self, *, is_first: bool) -> Status | None:
-        """Sweep until nothing changes (a first sweep: until the source is reached); return a limit that passed."""
+        """Sweep until nothing changes (a first sweep: until the source is reached); return a passed limit, or None."""
         query, turns, is_stored = self.query, 0, not is_first
         arcs, clock, n = query.arcs, query.clock, len(query.arcs.plain)
         at = query.targets[query.targets < n]
@@ -299,7 +305,7 @@ class LayerSweep:
         self.bests.append(np.min([*costs, np.full(LANES, FAR)], axis=0))
 
     def starts(self, turns: int) -> list[int]:
-        """Return the added arcs from the source to the base that have at most so many turns."""
+        """Return the added arcs, by index, from the source to the base that have at most ``turns`` turns."""
         added = self.query.added
         leave = added.onward & (added.tails == self.query.source) & (added.costs[:, 1] <= turns)
         return [int(j) for j in np.flatnonzero(leave)]
@@ -336,7 +342,8 @@ def search_in_corridor(
 ) -> ParetoPaths | None:
     """Search a large graph within a precision, in a corridor.
 
-    Returns None if the graph has other costs or arcs than a corridor needs. ``search`` searches a part of the graph.
+    Returns None if the graph has other costs or arcs than a corridor needs, if there is no path, or if memory is short;
+    then another search is needed. ``search`` searches a part of the graph.
     """
     query = LargeQuery.of(graph, source, targets, clock)
     if query is None:
@@ -373,7 +380,7 @@ def search_in_corridor(
 
 
 def _joined(known: ParetoPaths, gap: float, found: ParetoPaths) -> ParetoPaths:
-    """Return the front of the known paths, of this gap, and of the paths in the corridor."""
+    """Return the front of the known paths, whose gap is given, and of the paths found in the corridor."""
     both = found.and_those_of(known)
     rows = np.flatnonzero(is_nondominated(both.costs))
     rows = rows[np.lexsort(both.costs[rows].T[::-1])]

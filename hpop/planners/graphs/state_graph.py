@@ -37,7 +37,7 @@ A = TypeVar("A")
 UNMOVED = 1e-6  # m: a start or goal within this distance of a state has its position
 NEAREST = 12  # a start or goal off the graph is connected to states up to the twelfth smallest distance of a place
 BATCH = 500_000  # motions evaluated at once: few enough to limit memory, enough for fast array operations
-NO_MARKER = -1  # of an arc that its ends name
+NO_MARKER = -1  # for an arc that its tail and head identify
 ARC = 16  # bytes of memory for an arc, without its costs
 
 
