@@ -45,9 +45,7 @@ JUMP = 1e-4  # rad: smallest change of the steering angle that counts as a jump
 @model("ackermann")
 @dataclass(frozen=True)
 class Ackermann(PlanarModel):
-    """Car-like base: rear wheels that roll, front wheels that steer.
-
-    Its states are x and y, m, of the middle of the rear axle, and yaw, rad.
+    """Car-like base that steers by its front wheels; states x, y (m) of the middle of its rear axle, and yaw (rad).
 
     wheelbase       m      distance between the axles
     steering        rad    largest steering angle δ; the smallest radius is wheelbase/tan δ
