@@ -208,6 +208,7 @@ hpop.study.statistics.Comparison
 hpop.study.statistics.Described
 hpop.study.statistics.Independent
 hpop.study.statistics.Multinomial
+hpop.study.statistics.OrdinalFit
 hpop.study.statistics.Pair
 hpop.study.statistics.Related
 hpop.study.statistics.Share

@@ -52,7 +52,7 @@ class OrdinalFit:
     """Maximum-likelihood fit of an ordinal mixed model, made by :func:`ordinal_mixed`.
 
     names           (p,) names of the effects
-    parameters      first threshold, logarithms of the distances to the next ones, effects, logarithm of `deviation`
+    parameters      first threshold, logarithms of the distances to the next ones, effects, logarithm of ``deviation``
     log_likelihood  at its maximum
     data            scores and effects
     """
@@ -74,7 +74,7 @@ class OrdinalFit:
 
     @property
     def deviation(self) -> float:
-        """Return the standard deviation of the intercepts of people."""
+        """Return the standard deviation of people's intercepts, on the scale of the effects."""
         return float(np.exp(self.parameters[-1]))
 
     @cached_property
