@@ -292,3 +292,13 @@ def test_without_limits_of_steering_shortest_paths_are_those_of_a_differential_d
         found.append(front.costs[0, 0] / known)
     assert found[1] < found[0]
     assert 0.99 < found[1] < 1.06
+
+
+@pytest.mark.parametrize("length", [1.1e-6, 1.5e-6, 1e-5, 1e-3, 0.1])
+def test_a_run_of_any_length_is_executed_from_rest_to_rest(length):
+    """One of 1.1 micrometres, the last piece of a shortest path, divided by a speed of 0."""
+    car = hpop.Ackermann(acceleration=1.0)
+    states = States(x=np.array([0.0, 1.0, 1.0 - length]), y=np.zeros(3), yaw=np.zeros(3))
+    executed = hpop.Trajectory(car, states, ("arc", "arc")).execution()
+    forwards = 2.0 * 1.0  # 1 m from rest to rest at 1 m/s²
+    assert executed.duration == pytest.approx(forwards + 2.0 * np.sqrt(length))

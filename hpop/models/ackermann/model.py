@@ -291,9 +291,9 @@ def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatA
         way = np.append(0.0, np.cumsum(np.abs(lengths[first:last])))
         top = robot.speed if lengths[first:last].sum() >= 0 else robot.reverse_speed
         profile = rest_to_rest_ends(float(way[-1]), top, robot.acceleration)
-        at, speed = 0.0, 0.0
+        at, speed, near = 0.0, 0.0, min(LEAST, 1e-3 * float(way[-1]))
         for i, (begin, end) in enumerate(pairwise(way.tolist()), first):
-            inside = profile[(profile[:, 0] > begin + LEAST) & (profile[:, 0] < end - LEAST), 0].tolist()
+            inside = profile[(profile[:, 0] > begin + near) & (profile[:, 0] < end - near), 0].tolist()
             motion, law = (states.take([i]), states.take([i + 1])), laws[planned.kinds[i]]
             for stop in [*inside, end] if end - begin > LEAST else []:
                 share = np.array([(stop - begin) / (end - begin)])
