@@ -332,7 +332,10 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
         )
     substitutes = {name: cast(Criterion, criteria[name]) for name in criterion.instead if name in criteria}
     usable = [name for name, substitute in substitutes.items() if not lacking(substitute.requires, model, world)]
+    remedy = f"take {' or '.join(map(repr, usable))}" if usable else "leave it out"
+    if absent == ["seat"]:
+        remedy = "give the robot a seat, such as seat: [0.1, 0, 0.6] (m ahead, left, up), or leave the criterion out"
     raise CriterionError(
-        f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has"
-        + (f"; take {' or '.join(map(repr, usable))}" if usable else "; leave it out")
+        f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has; "
+        + remedy
     )

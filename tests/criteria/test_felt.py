@@ -154,5 +154,5 @@ def test_a_seat_is_three_lengths(seat):
 
 
 def test_criteria_of_a_seat_need_one():
-    with pytest.raises(CriterionError, match="requires seat"):
+    with pytest.raises(CriterionError, match="give the robot a seat"):
         cost("felt_jerk", Trajectory.from_poses(DifferentialDrive(), BENT))

@@ -31,7 +31,6 @@ VIBRATION_STEP = 0.002  # s: 500 Hz; sampling lowers the weightings by 2 % at 40
     aggregate="trajectory",
     requires=("seat",),
     smooth=False,
-    instead=("msdv",),
 )
 @dataclass(frozen=True)
 class FeltMSDV:
@@ -123,7 +122,8 @@ class LateralLoad:
     """Largest acceleration of the seat to either side, in the frame of the seat: max |a_left|.
 
     A curve of curvature k at the speed v has the load k v². Turns in place load a seat that is off the axis.
-    Accelerations to the front and back do not count. Unit m/s²; the worst moment of the planned motions.
+    Accelerations to the front and back do not count. Unit m/s²; the worst moment of the planned motions. A plan has no
+    speed ramps: on a seat off the axis, a ramp in a curve may load the executed ride more than the plan.
 
     Source: this project. Lateral acceleration is what planners of road vehicles limit for comfort.
     """

@@ -190,7 +190,13 @@ class PrimitiveLattice(ConfigurationRoadmap):
                 "no path: no manoeuvre of the car reaches the goal in its heading without a collision, from any state "
                 f"of {self.words} within {REACH:g} steps; turn or move the goal, or leave its heading free (any)"
             )
-        return super().what_separates(start, goals)
+        return (
+            super()
+            .what_separates(start, goals)
+            .replace(
+                "; take more samples", "; take a smaller step or a smaller car, or check that passages are wide enough"
+            )
+        )
 
 
 def _is_placeless(criterion: Criterion, chains: MotionChains) -> bool:
