@@ -107,7 +107,7 @@ class Follower(GoalDrive):
             self.end(False, "canceled", canceled=True)
 
     def drop(self, why: str = "the connection was lost") -> None:
-        """Give up the goal, and forget all that has been heard of the robot and its surroundings."""
+        """Give up the goal, and forget the robot's pose, its plan and the people."""
         with self._lock:
             if self.goal is not None:
                 self.end(False, why)

@@ -158,7 +158,7 @@ class SteeredGeometry(LawDefaults):
         return np.abs(first) + np.abs(second)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotations (M,), rad, before and after the curvature changes its sign; 0 after no change."""
+        """Return the signed rotations (M,), rad, before and after the curvature changes sign; the second is 0 without."""
         _, turn, bend, _ = self.shape(start, end)
         begin, stop = turn - bend, turn + bend
         changes = begin * stop < 0
