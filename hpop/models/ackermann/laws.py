@@ -158,7 +158,10 @@ class SteeredGeometry(LawDefaults):
         return np.abs(first) + np.abs(second)
 
     def bends(self, start: States, end: States) -> tuple[Column, Column]:
-        """Return the signed rotations (M,), rad, before and after the curvature changes sign; else turn and 0."""
+        """Return the signed rotations (M,), rad, before and after the curvature changes sign.
+
+        Without such a change, they are the whole rotation and 0.
+        """
         _, turn, bend, _ = self.shape(start, end)
         begin, stop = turn - bend, turn + bend
         changes = begin * stop < 0
