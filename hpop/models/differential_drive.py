@@ -52,7 +52,8 @@ def doubtful(law: Law, start: States, end: States, *, reverses: bool = False) ->
 def faults(model: DifferentialDrive, trajectory: Trajectory) -> Iterator[str]:
     """Yield a text for each kind of fault, naming the first motion that wheels cannot execute because of it.
 
-    Faults are motions sideways or backwards, and curves on which a wheel exceeds its speed or acceleration.
+    Faults are motions sideways or, unless the model ``reverses``, backwards, and curves on which a wheel exceeds its
+    speed or acceleration.
     """
     states, wrong = trajectory.states, np.zeros(len(trajectory), dtype=bool)
     kinds = np.array(trajectory.kinds, dtype=object)
@@ -309,7 +310,8 @@ class DifferentialDrive(PlanarModel):
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
         """Return a mask (M,) of motions that need :meth:`faults`.
 
-        These are motions that go sideways or backwards, all curves, and motions with one of several speeds.
+        These are motions that go sideways or, unless the model ``reverses``, backwards; all curves; and motions with
+        one of several speeds.
         """
         return doubtful(law, start, end, reverses=self.reverses) | doubtful_speeds(law, start, end)
 

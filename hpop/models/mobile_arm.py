@@ -245,7 +245,8 @@ class MobileArm(OnBase, Model):
     def _in_world(self, world: World) -> tuple[Chain, tuple[ArmPart, ...], frozenset[Pair], World]:
         """Return the arguments of a collision test: chain, parts, pairs of links that are not tested, and ``world``.
 
-        Objects that the world attaches to links are among the parts. Its rules for links change the pairs.
+        Objects that the world attaches to links are among the parts. Its rules for links change the pairs. Objects that
+        a planning scene gives in the frame of a link are placed in the world.
         """
         world, own = placed_scene(world, self), self._with_attached(world)
         touching = own.arm.touching | own._touching

@@ -376,8 +376,8 @@ class Ledger:
         """Append an event; return False if it equals the last event, which a page sends again without a confirmation.
 
         ``device`` describes the participant's device, and replaces the earlier description in the file.
-        Raises StudyError for an event that the design does not ask for or that is not later than the last one, and if
-        it cannot be written; the file is then unchanged.
+        Raises StudyError for an event that the design does not ask for or that is not later than the last one, for an
+        answer about a video of which too little was watched, and if it cannot be written; the file is then unchanged.
         """
         stored = self._read()
         events = stored["events"]

@@ -60,7 +60,11 @@ def with_run_speeds(ends: Ends, model: Model) -> Ends:
 
 
 def run_speed_graph(states: StateGraph) -> StateGraph:
-    """Return a graph of states in which each straight run has one of the speeds of the model, if it has several."""
+    """Return a graph of states in which each straight run has one of the speeds of the model.
+
+    The given graph is returned if the model has one speed and one turn rate. Raises ModelError for several turn rates
+    without speeds.
+    """
     if not (states.model.speed_classes or states.model.paces):
         return states
     if not states.model.speed_classes:

@@ -89,8 +89,10 @@ def read(path: str | Path) -> World:
     the file has several messages, changes (``is_diff``) are applied to the last whole scene before them.
     Rules for links are applied by arms with links of these names (`World.link_rules`): ``link_padding``,
     ``link_scale``, ``allowed_collision_matrix``, and ``attached_collision_objects``, which become parts of the arm.
-    ``world.notes`` list these, and ignored parts: joint values of the robot, colours, subframes. Solid parts that
-    cannot be read are refused: other shapes, meshes that are not convex or in other files, planes, octomaps.
+    ``world.notes`` list these rules, and ignored parts: joint values and pose of the robot as a start, colours,
+    subframes, unknown keys. A problem, which has the robot, places objects in the frame of a link in the world.
+    Solid parts that cannot be read are refused: other shapes, meshes that are not convex or in other files, planes,
+    octomaps.
 
     Raises
     ------

@@ -70,7 +70,7 @@ def read(path: str | Path, *, resolution: float) -> World:
 
     ``resolution`` is the side of a cell, m. The boxes contain every point, so a robot that keeps off the boxes keeps
     off the points. What lies between points that are farther apart than a cell is not covered. Points without finite
-    coordinates are left out, and a note counts them.
+    coordinates are left out, and a note counts them. The VIEWPOINT of a PCD file is not applied, and a note says so.
 
     Raises
     ------
