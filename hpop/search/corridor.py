@@ -53,7 +53,6 @@ from hpop.search.staircase.two_sided import (
     push,
 )
 
-LARGE = 30_000_000  # arcs of a graph that is searched in a corridor
 RATIOS = (0.15, 6.0)  # weights of the rest cost in the two mixed lanes, for costs of 1 of the whole path
 NEAR, THIN = 4, 6  # known paths have the precision eps / NEAR; a part of them covers them within eps / THIN
 MOST = 32  # layers whose choices are stored

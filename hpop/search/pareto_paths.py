@@ -16,12 +16,10 @@ from hpop.errors import OptionError
 from hpop.runtime.status import Budget, ProgressCallback, Status
 from hpop.search import general, machinery, staircase, supported
 from hpop.search.choice import choose_method, choose_order
-from hpop.search.corridor import LARGE, search_in_corridor
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import Free, LazyRun
 from hpop.search.machinery.approximation import EXACT, Precision, proven_gap
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
-from hpop.search.machinery.slices import Clock
 from hpop.search.queries import (
     UNLIMITED,
     ParetoPaths,
@@ -37,8 +35,12 @@ if TYPE_CHECKING:
     import networkx as nx
 
     from hpop.search.general.search import General
+    from hpop.search.machinery.slices import Clock
     from hpop.search.machinery.turns import Groups
     from hpop.search.staircase.search import Staircase
+
+
+LARGE = 30_000_000  # arcs of a graph that is searched in a corridor
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,12 +162,16 @@ def pareto_paths(
     keeper = Keeper.of(checkpoint, graph, start, targets, method, *options, *["lazily"][: free is not None])
 
     def search(part: Graph, left: Budget) -> ParetoPaths:
-        return _result(_ParetoRun(part, start, targets, method, precision, bounds, keeper), Clock(left, progress))
+        run = _ParetoRun(part, start, targets, method, precision, bounds, keeper)
+        return _result(run, machinery.slices.Clock(left, progress))
 
     if free is None:
         found = None
         if graph.arcs >= LARGE and not (precision.is_exact or any(bounds) or keeper or method == "general"):
-            found = search_in_corridor(graph, start, targets, precision, _search_part, Clock(budget, progress))
+            from hpop.search.corridor import search_in_corridor  # importing numba takes half a second
+
+            clock = machinery.slices.Clock(budget, progress)
+            found = search_in_corridor(graph, start, targets, precision, _search_part, clock)
         return found or search(graph, budget)
     return LazyRun(graph, free, search, budget, progress, keeper, precision.of(range(graph.criteria))).go()
 

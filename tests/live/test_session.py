@@ -246,6 +246,8 @@ def test_bad_messages_are_refused_three_a_second_and_the_page_stays_connected(pa
     page.until("scene")
     for text in BAD:
         page.socket.send(text)
+    for _ in range(3):
+        page.until("refused")
     page.say("stop")
     page.until("state", lambda state: state["braked"] == "stopped")
     assert 3 <= sum(message["type"] == "refused" for message in page.told) <= 5
