@@ -172,7 +172,7 @@ def pareto_paths(
 
             clock = machinery.slices.Clock(budget, progress)
             found = search_in_corridor(graph, start, targets, precision, _search_part, clock)
-        return found or search(graph, budget)
+        return search(graph, budget) if found is None else found
     return LazyRun(graph, free, search, budget, progress, keeper, precision.of(range(graph.criteria))).go()
 
 

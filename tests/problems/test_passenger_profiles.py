@@ -19,7 +19,7 @@ from hpop.planners.programs.weighted_profiles import FilterMatrices, WeightedMot
 WORLD = hpop.World.from_polygons([], extent=shapely.box(-60, -60, 60, 60))
 SEAT = (0.2, 0.1, 0.5)
 ROBOT = hpop.DifferentialDrive(seat=SEAT, speed=2.0, acceleration=1.0, turn_rate=1.5, turn_acceleration=3.0)
-TINY = 5e-3  # share of a dose by which programs may miss a local minimum, for even accelerations
+TINY = 1e-2  # share of a dose by which programs may miss a local minimum, for even accelerations
 ROADS = {  # controls of `driven`: accelerations, m/s² and rad/s², for some seconds
     "straight": [(1.0, 0, 1.5), (0, 0, 4.0), (-1.0, 0, 1.5)],
     "bend": [(0.8, 0, 1.5), (0, 0.5, 0.8), (0, 0, 2.5), (0, -0.5, 0.8), (-0.8, 0, 1.5)],

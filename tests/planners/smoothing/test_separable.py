@@ -35,6 +35,9 @@ ASKED = {
     "peak_optic_flow": {"bearings": 4},
     "look_at": TARGET,
     "view_distance": TARGET,
+    "field_exposure": {"good": 60.0, "bad": 120.0},
+    "field_worst": {"good": 60.0, "bad": 120.0},
+    "time_below": {"limit": 90.0, "width": 20.0},
 }
 N = 5
 
