@@ -316,8 +316,8 @@ def _certificate(profiles: Profiles, criterion: Criterion) -> str:
     if profiles.discomfort.weighted is not None:
         return (
             f"each point has little {criterion.name} for its duration on one path, with constant acceleration along "
-            f"it in each of {profiles.steps.size:,} intervals: a local minimum of a nonlinear program (by IPOPT), "
-            "so that better profiles may exist; the first point is the fastest profile"
+            f"it in each of {profiles.steps.size:,} intervals, by a nonlinear program (IPOPT) or its "
+            "first guess if that is better, so that better profiles may exist; the first point is the fastest profile"
         )
     if profiles.jerk is None:
         return claim

@@ -23,7 +23,7 @@ for each k below EACH, then for every second k.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self, TypeAlias
 
@@ -36,7 +36,7 @@ from hpop.runtime.status import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision, thin_front
 from hpop.search.machinery.slices import Clock
-from hpop.search.queries import ParetoPaths, SearchStats
+from hpop.search.queries import ParetoPaths, SearchStats, query_text
 from hpop.search.staircase.labels import UncoveredCorners, least_estimates
 from hpop.search.staircase.turn_hull import FAR, UNIT
 from hpop.search.staircase.two_sided import (
@@ -44,6 +44,7 @@ from hpop.search.staircase.two_sided import (
     BLOCK_BITS,
     DEGREE,
     LANES,
+    REACHED,
     RunArcs,
     encode,
     find_plain,
@@ -235,7 +236,8 @@ class LayerSweep:
         self.codes = np.zeros((ROWS, n, LANES), np.uint8)
         self.begins = [0]
         self.fewest = np.full(n, NEVER, np.uint16)
-        self.price = (query.added.costs[:, [0, 2]] @ (weights * DOWN).T).astype(np.int64)  # (j, LANES)
+        price = (query.added.costs[:, [0, 2]] @ (weights * DOWN).T).astype(np.int64)  # (j, LANES)
+        self.price = np.minimum(price, REACHED)
         self.history: list[IntArray] = []  # remaining costs at the heads of added arcs, layer by layer
         self.bests: list[IntArray] = []
         self.last = 0  # number of layers whose choices are stored
@@ -271,6 +273,8 @@ class LayerSweep:
             if is_end or (is_stored and (turns < EACH or turns % 2 == 0)):
                 clock.call(encode, self.now, len(self.begins) - 1, self.bases, self.codes)
                 self.begins.append(NEVER if is_end else turns + 1)
+            if is_end and query.source >= n:  # a last entry, for any number of turns
+                self.bests.append(self._best_by_arcs(dict.fromkeys(self.starts(NEVER), -1)))
             if is_end or (is_first and self.best[0] < FAR):
                 return None
             clock.report("bounds")
@@ -299,9 +303,15 @@ class LayerSweep:
         if query.source < len(self.now):
             self.bests.append(self.now[query.source].astype(np.int64))
             return
-        starts = self.starts(turns)
-        costs = [self.history[turns - int(query.added.costs[j, 1])][j] + self.price[j] for j in starts]
-        self.bests.append(np.min([*costs, np.full(LANES, FAR)], axis=0))
+        self.bests.append(self._best_by_arcs({j: turns - int(query.added.costs[j, 1]) for j in self.starts(turns)}))
+
+    def _best_by_arcs(self, layers: Mapping[int, int]) -> IntArray:
+        """Return the least costs (LANES,) from the source by added arcs; ``layers`` has the layer after each arc."""
+        rows = [np.full(LANES, FAR)]
+        for j, layer in layers.items():
+            remaining = self.history[layer][j]
+            rows.append(np.where(remaining < FAR, np.minimum(remaining + self.price[j], REACHED), FAR))
+        return np.asarray(np.min(rows, axis=0))
 
     def starts(self, turns: int) -> list[int]:
         """Return the added arcs, by index, from the source to the base that have at most ``turns`` turns."""
@@ -363,7 +373,9 @@ def search_in_corridor(
         if not len(first) and first.status.is_final:  # best paths have more turns than layers are stored
             return None
         rows = thin_front(first.costs, first.costs[:0], precision.eps / THIN, near.of(range(3)))
-        known = replace(first.select(first.costs, rows), status=Status.INTERRUPTED)
+        known = replace(
+            first.select(first.costs, rows), status=Status.INTERRUPTED, asked=query_text(graph, precision, ())
+        )
         if first.status.is_final:
             gap = query.gap(sweep, known.costs, precision)
             corridor = query.corridor(sweep, known.costs, precision)

@@ -167,7 +167,7 @@ def pareto_paths(
 
     if free is None:
         found = None
-        if graph.arcs >= LARGE and not (precision.is_exact or any(bounds) or keeper or method == "general"):
+        if graph.arcs >= LARGE and not (precision.is_exact or len(bounds) or keeper or method == "general"):
             from hpop.search.corridor import search_in_corridor  # importing numba takes half a second
 
             clock = machinery.slices.Clock(budget, progress)

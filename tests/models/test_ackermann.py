@@ -302,3 +302,17 @@ def test_a_run_of_any_length_is_executed_from_rest_to_rest(length):
     executed = hpop.Trajectory(car, states, ("arc", "arc")).execution()
     forwards = 2.0 * 1.0  # 1 m from rest to rest at 1 m/s²
     assert executed.duration == pytest.approx(forwards + 2.0 * np.sqrt(length))
+
+
+@pytest.mark.parametrize("pause", [0.0, 0.1, 5.0])
+def test_a_car_steers_while_it_waits_and_no_faster(pause):
+    """A left arc, a pause, then a right arc: a short pause shortened the execution by the time of steering."""
+    car = hpop.Ackermann(steering_rate=0.8)
+    turn = 1.0 / car.radius  # of an arc of 1 m
+    x, y = np.sin(turn) * car.radius, (1.0 - np.cos(turn)) * car.radius
+    columns = {"x": [0.0, x, x, 2 * x], "y": [0.0, y, y, 2 * y], "yaw": [0.0, turn, turn, 0.0]}
+    columns["clock"] = [0.0, 0.0, pause, pause]
+    states = States(**{name: np.array(column) for name, column in columns.items()})
+    executed = hpop.Trajectory(car, states, ("arc", "hold", "arc")).execution()
+    driving, straight, across = 2.0 * 2.0, car.steering / 0.8, 2.0 * car.steering / 0.8
+    assert executed.duration == pytest.approx(driving + straight + max(pause, across))

@@ -124,3 +124,40 @@ def test_a_limit_that_passes_in_the_sweep_is_a_result():
     clock = Clock(Budget(time_limit=1e-9), None)
     found = search_in_corridor(graph, source, targets, Precision(0.01), None, clock)
     assert (found.status, len(found), found.gap) == (Status.TIME_LIMIT, 0, np.inf)
+
+
+def three_runs():
+    """Three runs from node 0 to node 1: cheap in the first cost, in the last one, and between, far above both."""
+    tails, heads, costs = [], [], []
+    for begin, first, rest in ((2, 20, 2000), (60, 2000, 20), (120, 180, 180)):
+        run = [0, *range(begin, begin + 51), 1]
+        tails += run[:-1]
+        heads += run[1:]
+        costs += [(0, 1, 0), *[(first, 0, rest)] * 50, (0, 1, 0)]
+    return Graph.from_arcs(180, tails, heads, costs)
+
+
+def test_a_path_of_costs_far_above_those_of_the_best_paths_is_found(monkeypatch):
+    graph = three_runs()
+    exact = pareto_paths(graph, 0, 1).costs
+    monkeypatch.setattr(sys.modules[pareto_paths.__module__], "LARGE", 0)
+    assert pareto_paths(graph, 0, 1, eps=0.01).costs.tolist() == exact.tolist()
+
+
+def test_bounds_of_zero_are_bounds(monkeypatch):
+    monkeypatch.setattr(sys.modules[pareto_paths.__module__], "LARGE", 0)
+    assert pareto_paths(three_runs(), 0, 1, eps=0.1, at_most=[0, 0, 0]).status is Status.NO_PATH
+
+
+def test_a_gap_counts_paths_behind_a_start_of_several_turns():
+    runs = [*range(10), 20], [0, *range(11, 21)]  # ten arcs of first cost 20 each, or a turn and ten arcs of 5
+    tails, heads = runs[0][:-1] + runs[1][:-1], runs[0][1:] + runs[1][1:]
+    costs = [(20, 0, 2)] * 10 + [(5, 1, 2)] + [(5, 0, 2)] * 9
+    base = Graph.from_arcs(21, tails, heads, costs)
+    graph = base.extended(22, np.array([21]), np.array([0]), np.array([[0, 2, 0]]), is_reused=True)
+    exact = pareto_paths(graph, 21, 20).costs
+    assert exact.tolist() == [[50, 3, 20], [200, 2, 20]]
+    query = corridor_query(graph, 21, np.array([20]))
+    gap = query.gap(query.sweep(0.01), exact[1:], Precision(0.01))
+    assert gap >= 3.0
+    assert covers(exact[1:], exact, gap) == [True, True]

@@ -278,13 +278,18 @@ def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatA
     lengths, angles, passed = _lengths(robot, planned), robot.steering_angles(planned), np.zeros(len(planned) + 1)
     rows, kinds = [(*(float(getattr(states, name)[0]) for name in names), 0.0, 0.0)], list[str]()
     now, clock, first = 0.0, 0.0, 0
+    angle = stood = 0.0  # rad, of the front wheels; s, for which the car has stood with them
     while first < len(planned):
         last = _run_end(robot, planned, lengths, angles, first)
         stands = planned.kinds[first] == HOLD.kind
-        before = angles[1][first - 1] if first and not stands else 0.0
-        wait = float(np.diff(states.clock)[first]) if stands else abs(angles[0][first] - before)
-        wait = wait if stands or robot.steering_rate is None else wait / robot.steering_rate
-        if stands or (wait > LEAST and robot.steering_rate is not None):
+        if stands:
+            wait = float(np.diff(states.clock)[first])
+            stood += wait
+        else:
+            turned = abs(angles[0][first] - angle)
+            wait = 0.0 if robot.steering_rate is None else turned / robot.steering_rate - stood
+            angle, stood = angles[1][last - 1], 0.0
+        if stands or wait > LEAST:
             now, clock = now + wait, clock + wait
             rows.append((*rows[-1][:3], 0.0, clock))
             kinds.append(HOLD.kind)

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import kernel, lean
+from hpop.search.staircase.turn_hull import FAR
 
 LANES = 4
 DEGREE = 15  # a state has fewer arcs, so that four bits name each, or
 ADDED = 15  # an added arc
 BLOCK_BITS, BASE_BITS, CODE_BITS = 3, 12, 15  # 8 states have one base; units of a base and of a code
+REACHED = np.int32(FAR - 1)  # larger weighted costs of a state that is reached count as this
 MOST_BASE, MOST_CODE = 2**16 - 1, 2**8 - 1
 
 Lanes = NDArray[np.int32]
@@ -88,7 +90,7 @@ def pull_turns(
             x, y = np.float32(first[a]), np.float32(rest[a])
             name = np.int32(a - np.uint64(indptr[v])) + np.int32(1)
             for k in range(LANES):
-                cost = np.int32(before[u, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y))
+                cost = min(REACHED, np.int32(before[u, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y)))
                 if cost < now[v, k]:
                     now[v, k] = cost
                     chosen = np.int32((chosen & ~(15 << (4 * k))) | (name << (4 * k)))
@@ -123,7 +125,7 @@ def pull_plain(
         name = np.int32(a - indptr[v] + 1)
         chosen = np.int32(choice[v])
         for k in range(LANES):
-            cost = np.int32(now[u, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y))
+            cost = min(REACHED, np.int32(now[u, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y)))
             if cost < now[v, k]:
                 now[v, k] = cost
                 chosen = np.int32((chosen & ~(15 << (4 * k))) | (name << (4 * k)))
@@ -230,7 +232,7 @@ def push(
             u, better = np.int64(heads[a]), False
             x, y = np.float32(first[a]), np.float32(rest[a])
             for k in range(LANES):
-                cost = np.int32(before[i, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y))
+                cost = min(REACHED, np.int32(before[i, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y)))
                 if cost < forward[u, k]:
                     forward[u, k] = cost
                     better = True
@@ -256,7 +258,7 @@ def push(
         u, better = np.int64(heads[onward]), False
         x, y = np.float32(first[onward]), np.float32(rest[onward])
         for k in range(LANES):
-            cost = np.int32(forward[v, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y))
+            cost = min(REACHED, np.int32(forward[v, k] + np.int32(weights[k, 0] * x + weights[k, 1] * y)))
             if cost < forward[u, k]:
                 forward[u, k] = cost
                 better = True
