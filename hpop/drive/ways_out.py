@@ -210,7 +210,7 @@ def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here
     contacts = _Contacts((walls, *(test for _, test in tests if not isinstance(test, Leaving))), people, reach)
 
     def is_free(way: Trajectory) -> bool:
-        return not closed_trajectories([way], near)[0] and all(
+        return not closed_trajectories([way], closings)[0] and all(
             walls.motions_free(motions).all() for _, motions in way.batches(world)
         )
 

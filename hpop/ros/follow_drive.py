@@ -26,7 +26,7 @@ from hpop.ros.paths import path_message
 from hpop.ros.planning import choice_of, chosen_row, options_of
 from hpop.ros.protocol import ErrorCode, Failure
 from hpop.ros.sighting import CHECKED, Sighting, StatesAhead
-from hpop.simulation.tracking import Tracker
+from hpop.simulation.tracking import DriveLimits, Tracker
 from hpop.trajectories.trajectory import Trajectory
 
 PERMANENT = (ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.INVALID_PLANNER)  # failures that waiting does not mend
@@ -79,27 +79,28 @@ class UnderWay:
         Such places are ends of straight moves: there, the robot goes straight on or stops to turn. A plan with
         curves has none.
         """
-        plan, limits, laws = self.trajectory, self.tracker.limits, laws_of(self.trajectory.model)
+        plan, laws = self.trajectory, laws_of(self.trajectory.model)
+        limits = DriveLimits.of(plan.model)  # of the plan, also where a mask allows less
         if any(is_curve(laws[kind]) for kind in plan.kinds):
             return None
-        clock, states, speeds = self.clock(now), plan.states, speed_of(plan.states)
+        clock, states, speeds, waits = self.clock(now), plan.states, speed_of(plan.states), max(0.0, self.begin - now)
         lengths, braking = _lengths(states.x, states.y), 0.5 * limits.speed**2 / limits.acceleration
         for i, kind in enumerate(plan.kinds[:-1], 1):
             if speeds[i] or "x" not in laws[kind].varies:
                 continue
             latest = CHECKED * (int(np.searchsorted(self.far, lengths[i] - braking)) - 2)
-            if latest < clock + lead:
+            if latest + waits < clock + lead:
                 continue
             there = CHECKED * int(np.searchsorted(self.far, lengths[i] - ARRIVED))
             there = float(plan.times[i]) if plan.punctual else there
             pose = (float(states.x[i]), float(states.y[i]), float(states.yaw[i]))
-            return HandOver(part(plan, 0, i), latest, there - clock, pose)
+            return HandOver(part(plan, 0, i), latest, there - clock + waits, pose)
         return None
 
     def passes(self, goal: FollowGoal, place: HandOver, now: float, within: float) -> int:
         """Return how many poses of a goal the robot will have reached at a place, each within a distance, m."""
         clock = self.clock(now)
-        begin, end = self.ahead.index(clock), self.ahead.index(clock + place.after)
+        begin, end = self.ahead.index(clock), self.ahead.index(clock + place.after - max(0.0, self.begin - now))
         x, y = (column[begin : end + 1] for column in (self.ahead.states.x, self.ahead.states.y))
         passed = goal.passed
         while passed < len(goal.poses) - 1:
@@ -283,7 +284,7 @@ class GoalDrive:
             self.hand_over(place, front, row)
         elif self.is_before(place, now):
             self.ahead, x, y, yaw = (place, front), *place.pose
-            until = place.latest - run.clock(now) - self.settings.delay
+            until = place.latest - run.clock(now) + max(0.0, run.begin - now) - self.settings.delay
             ahead = {"x": x, "y": y, "yaw": yaw, "after": place.after + self._began - now, "until": until}
             told = {"goal": job.goal.id, **options_of(front, row), "ahead": ahead}
             self.events.append(Planned(job.goal.id, None, told))

@@ -26,7 +26,8 @@ from hpop.simulation.tracking import Command
 
 MOST_BYTES = 2**25  # largest incoming message: a map of 8 million cells as JSON
 TOLD = 0.2  # s between messages of the state and of feedback
-CLOCK = "/clock"
+CLOCK, STATIC = "/clock", "/tf_static"
+MOST_EARLY = 200  # messages that are kept until a simulation begins
 THROTTLE = 5  # least time between messages of the clock, ms: more a second than are read would wait
 CLOCK_SUBSCRIPTION: Message = {
     "op": "subscribe",
@@ -41,6 +42,11 @@ WAKES = 0.1  # s after which a thread looks whether it is to end
 
 class WallClock:
     """Time of this machine, s, of which only differences count."""
+
+    @property
+    def has_begun(self) -> bool:
+        """True if there is a time."""
+        return True
 
     def now(self) -> float:
         """Return the time, s."""
@@ -68,6 +74,11 @@ class SimulatedClock(WallClock):
             before, self._now = self._now, now
             self._condition.notify_all()
         return now < before
+
+    @property
+    def has_begun(self) -> bool:
+        """True once a message has come."""
+        return self._now > -math.inf
 
     def now(self) -> float:
         """Return the time, s; RosError if no message has come yet."""
@@ -116,6 +127,7 @@ class RobotServer(MessageServer):
         self.known, self.hearing, self.clock = known, Hearing(listener, known), clock or WallClock()
         self.told, self.heard = known.told, known.heard
         self.actions: dict[str, str] = {}
+        self._early: list[tuple[str, Any]] = []  # messages that came before the first time of a simulation
         self._closed = Event()
         self._thread = Thread(target=self._run, name="hpop-ros-commands", daemon=True)
 
@@ -123,8 +135,8 @@ class RobotServer(MessageServer):
         """Return the messages that open a connection."""
         return [
             *({"op": "advertise", "topic": topic, "type": kind} for topic, kind in self.told.items()),
-            *({"op": "subscribe", "topic": topic, "type": kind} for topic, kind in self.heard.items()),
             *([CLOCK_SUBSCRIPTION] if isinstance(self.clock, SimulatedClock) else []),
+            *({"op": "subscribe", "topic": topic, "type": kind} for topic, kind in self.heard.items()),
             *({"op": "advertise_action", "action": action, "type": kind} for action, kind in self.actions.items()),
         ]
 
@@ -164,16 +176,32 @@ class RobotServer(MessageServer):
         self.remark(f"following failed ({type(error).__name__}: {error})")
 
     def set_back(self) -> None:
-        """Forget what has been heard, because simulated time was set back."""
-        self.hearing.reset()
+        """Forget what has been heard, but for maps and static transforms, because simulated time was set back."""
+        self.hearing.forget_times()
 
     def _heard(self, message: Mapping[str, Any]) -> None:
         topic, told = str(message.get("topic")), message.get("msg")
         if topic == CLOCK and isinstance(self.clock, SimulatedClock):
             if self.clock.hear(told):
                 self.set_back()
+            early, self._early = self._early, []
+            for before, what in early:
+                try:
+                    self.hearing.hear(before, what, self.clock.now())
+                except RosError as error:
+                    self.remark(str(error))
             return
-        self.hearing.hear(topic, told, self.clock.now())
+        if self.clock.has_begun:
+            self.hearing.hear(topic, told, self.clock.now())
+        else:
+            self._keep(topic, told)
+
+    def _keep(self, topic: str, told: Any) -> None:
+        """Keep a message that came before the first time of a simulation: the last of each topic, all static frames."""
+        if topic not in self.heard:
+            raise RosError(f"a message of topic {shown(topic)}, which was not subscribed to")
+        kept = [one for one in self._early if one[0] != topic or topic == STATIC]
+        self._early = [*kept[-MOST_EARLY:], (topic, told)]
 
     def _run(self) -> None:
         """Send commands at a fixed rate, until closed."""

@@ -95,7 +95,7 @@ class Follower(GoalDrive):
             if self.goal is not None:
                 self.end(False, "a newer goal took its place")
             self.goal = FollowGoal(goal, tuple(poses), now, choice or self.settings.choice, tried=now)
-            self.next_try = -math.inf
+            self.next_try = self._next_offer = -math.inf
             self.say(f"goal {goal}: {len(poses)} pose{'s' * (len(poses) > 1)}")
 
     def cancel(self, goal: str) -> None:
@@ -135,6 +135,8 @@ class Follower(GoalDrive):
                 except Failure as failure:
                     raise RosError(failure.why) from None
                 if ahead is not None:
+                    if not choice.isdecimal():
+                        self.goal.choice = choice
                     self.hand_over(ahead[0], front, row)
                 else:
                     self.goal.stopped = False
@@ -208,6 +210,8 @@ class Follower(GoalDrive):
             self.run = None
             if pose is not None and math.dist(pose[:2], goal.poses[-1][:2]) <= self.settings.off:
                 self.end(True, "reached")
+            else:
+                self._drop_job()  # it plans from a place ahead, and there is none any more
         return command
 
     def _trouble(self, run: UnderWay, now: float, pose: PlanarPose | None) -> str:

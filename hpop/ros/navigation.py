@@ -211,6 +211,11 @@ class Hearing:
         self._mask: OccupancyGrid | None = None
         self._scale: FilterScale | None = None if self.known.info_topic else FilterScale()
 
+    def forget_times(self) -> None:
+        """Forget the people, the ages of messages and all transforms that are not static; maps and masks stay."""
+        self.transforms.forget_moving()
+        self._people, self._age = PeopleSeen(), MessageAge()
+
     def hear(self, topic: str, message: Any, now: float) -> None:
         """Take the message of a topic; RosError for an invalid one."""
         known = self.known

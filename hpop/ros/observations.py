@@ -94,6 +94,11 @@ class Transforms:
             age = 0.0 if static else self._ages.setdefault(child, MessageAge()).of(now, time_of(told, where))
             self._links[child] = _Link(parent, x, y, yaw, math.inf if static else now - age)
 
+    def forget_moving(self) -> None:
+        """Forget all transforms that are not static, and the ages of messages."""
+        self._links = {child: link for child, link in self._links.items() if link.at == math.inf}
+        self._ages = {}
+
     def pose(self, frame: str, child: str) -> tuple[PlanarPose, float] | None:
         """Return the pose of the frame ``child`` in ``frame``, and the time, s, of the oldest transform between them.
 

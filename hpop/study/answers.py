@@ -5,6 +5,7 @@ Nothing here changes or removes answers on the disk; :mod:`.leaving` deletes tho
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -347,6 +348,7 @@ def _letter(session: Session, place: int) -> str | None:
 
 
 WHAT = "the answers of a participant"
+MARGIN = 64 * 1024  # bytes, of an event that is written with indents, and of the other entries of a file
 
 
 @dataclass(frozen=True)
@@ -392,6 +394,8 @@ class Ledger:
             raise StudyError(
                 f"events must rise in time, got {checked.events[-1].t:g} s after {checked.events[-2].t:g} s"
             )
+        if self.path.exists() and self.path.stat().st_size + len(json.dumps(event)) + MARGIN > MOST_BYTES:
+            raise StudyError(f"a session has at most {MOST_BYTES:,} bytes, and this one is full; take fewer samples")
         documents.write(self.path, longer)
         return True
 

@@ -25,7 +25,7 @@ from hpop.study.participants import Participant
 from hpop.study.tasks import check_event
 
 SCHEMA, VERSION = "hpop-answers", 1
-MOST_BYTES = 8 * 1024**2
+MOST_BYTES = 64 * 1024**2
 """Largest size of a participant's file of answers, bytes."""
 MOST_EVENTS = 20_000
 MOST_REMARK = 2000

@@ -11,6 +11,9 @@ import shapely
 
 import hpop
 from hpop.drive import Execution, Options
+from hpop.drive.closings import Closing
+from hpop.drive.plan import closed_trajectories
+from hpop.drive.ways_out import ways_out
 from hpop.errors import ModelError
 from hpop.problems.verify import verify
 from hpop.runtime.status import Status
@@ -99,3 +102,14 @@ def test_plans_do_not_reverse_and_only_a_model_that_may_accepts_it():
     assert replace(robot, reverses=False).doubtful(robot.laws["move"], *states)[0]
     with pytest.raises(ModelError, match="reverses must be true or false, got 1"):
         hpop.DifferentialDrive(reverses=1)
+
+
+def test_a_way_out_is_clear_of_people_who_stand_farther_than_its_first_moves():
+    def person(x, y):
+        return Closing(shapely.Point(x, y).buffer(0.25), person="person", place=(x, y))
+
+    row = [person(x, side * 0.62) for x in np.arange(0.3, 2.6, 0.45) for side in (1, -1)]
+    closings = [person(-0.3, 0.45), person(-0.5, -0.62), *row, person(3.3, 0.0)]
+    robot, hall = hpop.DifferentialDrive(footprint=BOX), World.from_polygons([], extent=shapely.box(-10, -10, 10, 10))
+    for way in ways_out(robot, hall, closings, robot.space.state((0, 0, 0))):
+        assert not closed_trajectories([way], closings)[0]

@@ -30,6 +30,7 @@ from hpop.ros import (
     planar_pose,
     pose_message,
 )
+from hpop.ros.follow_server import RobotServer
 from hpop.ros.messages import header, transform
 from tests.ros.bridge import ABORTED, CANCELED, SUCCEEDED, FakeBridge, fake_bridge
 from tests.ros.conftest import DELAYS
@@ -296,3 +297,36 @@ def test_messages_that_make_no_sense_are_said_and_harm_nothing(bridge, said):
 def test_names_that_are_none_are_refused(changes):
     with pytest.raises(OptionError, match=next(iter(changes))):
         FollowInterface(**changes)
+
+
+class Maps:
+    """Listener that counts maps and stops."""
+
+    def __init__(self) -> None:
+        self.grids, self.stops = [], []
+
+    def mapped(self, grid):
+        self.grids.append(grid)
+
+    def halt(self, stopped):
+        self.stops.append(stopped)
+
+    def located(self, pose, at):
+        raise AssertionError("no pose was told")
+
+
+def test_what_is_heard_before_a_simulation_begins_is_heard_when_it_does():
+    """Latched topics, such as the map, are not sent again: walls would stay unknown."""
+    listener, refused = Maps(), list[str]()
+    server = RobotServer(listener, FollowInterface(), say=refused.append, clock=SimulatedClock())
+    subscribed = [message["topic"] for message in server.greetings() if message["op"] == "subscribe"]
+    assert subscribed[0] == "/clock"
+    hear = server.ops()["publish"]
+    for boxes in ([], [(40, 10, 42, 31)]):
+        hear({"topic": "/map", "msg": map_message(boxes)})
+    hear({"topic": "/hpop/stop", "msg": {"data": True}})
+    assert not listener.grids
+    hear({"topic": "/clock", "msg": {"clock": {"sec": 1, "nanosec": 0}}})
+    assert (len(listener.grids), listener.stops) == (1, [True])  # the last map
+    hear({"topic": "/map", "msg": map_message([])})
+    assert len(listener.grids) == 2

@@ -117,3 +117,15 @@ def test_people_have_the_velocity_that_they_tell_or_that_their_places_show():
 def test_a_frame_that_is_no_name_is_refused() -> None:
     with pytest.raises(RosError, match=r"the name of a frame must be text of at most .* got \{\}"):
         Transforms().pose("map", {})  # type: ignore[arg-type]
+
+
+def test_only_static_transforms_outlive_a_clock_that_is_set_back():
+    tree = Transforms()
+    tree.hear({"transforms": [link("map", "odom", (1, 2, 0))]}, 100.0, static=True)
+    tree.hear({"transforms": [link("odom", "base", (3, 0, 0), 100 * SECOND)]}, 100.0)
+    tree.forget_moving()
+    assert tree.pose("map", "base") is None
+    tree.hear({"transforms": [link("odom", "base", (4, 0, 0), SECOND)]}, 1.0)
+    pose, at = tree.pose("map", "base")
+    assert pose[:2] == (5.0, 2.0)
+    assert at == 1.0

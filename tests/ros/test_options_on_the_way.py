@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,10 @@ import hpop
 from hpop.errors import RosError
 from hpop.planners.lattice import Lattice
 from hpop.ros import Interface, PlanarPose, planar_pose
+from hpop.ros.follow_drive import UnderWay
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower
+from hpop.simulation.tracking import Tracker
 from hpop.world import Person
 from tests.ros.robot import AtOnce, Robot, Trip
 from tests.ros.test_following import RADIUS, least_gap
@@ -106,3 +109,23 @@ def test_an_option_near_the_goal_is_taken_after_a_stop_that_is_said(round_a_box)
     trip.follower.take("least turns", trip.now)
     assert said[-1].startswith("stops: another option was taken")
     assert trip.go_until_ended().reached
+
+
+def test_a_place_ahead_counts_the_wait_before_the_robot_leaves_and_brakes_by_the_limits_of_the_plan():
+    problem = hpop.Problem(
+        hpop.World.from_cells(np.zeros((60, 80), bool), 0.1),
+        hpop.DifferentialDrive(radius=0.2, speed=0.8),
+        (1, 1, 0),
+        (7, 5, None),
+        ["turns", "length"],
+    )
+    plan = problem.solve(Lattice(step=0.5)).trajectories[0]
+    tracker = Tracker(plan)
+    at_once, waiting = (UnderWay.of(plan, tracker, begin).place_ahead(0.0, 0.5) for begin in (0.0, 3.0))
+    assert at_once is not None
+    assert waiting is not None
+    assert waiting.after == pytest.approx(at_once.after + 3.0)
+    tracker.limits = replace(tracker.limits, speed=0.1)  # as by a mask
+    slowed = UnderWay.of(plan, tracker, 0.0).place_ahead(0.0, 0.5)
+    assert slowed is not None
+    assert (slowed.latest, slowed.after) == (at_once.latest, at_once.after)

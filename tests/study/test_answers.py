@@ -278,7 +278,7 @@ def test_two_files_of_one_participant_are_refused(design: Design, folder: Path) 
         ('{"t": NaN}', "NaN"),
         ("", "as JSON"),
         ("\xff", "as JSON"),
-        (" " * (8 * 2**20 + 1), "expected at most 8,388,608 bytes"),
+        (" " * (64 * 2**20 + 1), "expected at most 67,108,864 bytes"),
     ],
 )
 def test_a_file_that_is_no_json_or_gigantic_is_refused(folder: Path, text: str, match: str) -> None:

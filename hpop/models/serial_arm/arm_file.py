@@ -322,10 +322,10 @@ class ArmFile(NamedTuple):
         pose = np.eye(4)
         while link in self.above:
             joint = self.above[link]
-            value = values.get(joint.name)
-            if value is None and joint.mimic is not None and joint.mimic.joint in values:
+            value, master = values.get(joint.name), joint.mimic and joint.mimic.joint
+            if value is None and joint.mimic is not None and master in values:
                 value = joint.mimic.factor * values[joint.mimic.joint] + joint.mimic.offset
-            if value is None and joint.name in self.chain.names:
+            if value is None and {joint.name, master} & {*self.chain.names}:
                 return None
             value = self.stands.get(joint.name, 0.0) if value is None else value
             pose, link = joint.origin @ displacement(joint, value) @ pose, joint.parent

@@ -256,7 +256,8 @@ def crossover(values: FloatArray, places: IntArray, *, before: bool = False) -> 
 def factorial(values: FloatArray, places: IntArray, labels: Mapping[str, Sequence[str]]) -> Crossover:
     """Fit and test an ordinal mixed model of scores (n, k) by the factors of the k conditions, and by places (n, k).
 
-    ``labels`` has the level of each condition (k,) by factor. Factors have no interactions in the model.
+    ``labels`` has the level of each condition (k,) by factor. Factors have no interactions in the model;
+    those of one level are left out.
 
     Raises StudyError as :func:`ordinal_mixed` does.
     """
@@ -265,6 +266,7 @@ def factorial(values: FloatArray, places: IntArray, labels: Mapping[str, Sequenc
     blocks = {
         name: np.broadcast_to(np.eye(len(found))[index][:, 1:], (n, k, len(found) - 1))
         for name, (found, index) in levels.items()
+        if len(found) > 1
     }
     return _left_out(values, blocks | {"place": np.eye(k)[places - 1][..., 1:]})
 

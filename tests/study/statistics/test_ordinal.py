@@ -122,3 +122,9 @@ def test_intervals_hold_and_tests_find_nothing_where_there_is_nothing():
         alarms += [found.without[name].p < 0.05 for name in ("stimulus", "place", "before")]
     assert inside >= 88
     assert (alarms <= 14).all()
+
+
+def test_a_factor_of_one_level_has_no_row():
+    values, places = rated(np.random.default_rng(4), 60, (0.0, 0.5, 1.0), np.zeros(3))
+    found = factorial(values, places, {"trajectory": ["knee"] * 3, "latency": ["0", "0.2", "0.5"]})
+    assert set(found.without) == {"latency", "place"}
