@@ -65,11 +65,13 @@ class Model(Protocol):
 
         "base", "camera"  the model has a body of this name
         "tool"            the model has a body "tool", at the end of its arm
+        "seat"            the model has a body "seat", the seat of a passenger
         "joints"          some states are joint angles or lengths that motors set; ``joints`` names them
         "heading"         the base always drives in the direction of its heading
         "wheels"          two driven wheels or tracks, left and right of an axis; the model follows :class:`Wheeled`
         "plane"           x, y and yaw are among the states, and the robot consists of upright ``parts``, so that its
                           collision test is a :class:`PlaneCollision`
+        "steering"        front wheels that steer; the model has the attributes and the laws of :class:`hpop.Ackermann`
         "turn-move"       the laws "turn" and "move" of :mod:`hpop.models.laws`
         "rigid"           the states are x, y and yaw only
         "time"            one of the states is the time; the model follows :class:`ModelInTime`
