@@ -190,11 +190,10 @@ class MixedCoordinates(Unsteered):
 
 
 @dataclass(frozen=True)
-class CarCoordinates:
+class CarCoordinates(BaseCoordinates):
     """Distance driven, m, negative backwards, and heading, rad, of a car-like base."""
 
     model: Any  # Ackermann
-    joins: bool = False
 
     def kind(self, executed: str) -> str:
         return executed
@@ -202,15 +201,6 @@ class CarCoordinates:
     @property
     def unit(self) -> FloatArray:
         return np.array([self.model.speed, self.model.speed / self.model.radius])
-
-    def rates(self, states: States, rates: States) -> FloatArray:
-        ahead = rates.x * np.cos(states.yaw) + rates.y * np.sin(states.yaw)
-        return np.stack([ahead, rates.yaw], axis=1)
-
-    def rates_of_states(self, states: States, rates: FloatArray, changes: FloatArray) -> tuple[States, States]:
-        cos, sin, (v, turn), (a, turn_change) = np.cos(states.yaw), np.sin(states.yaw), rates.T, changes.T
-        second = {"x": a * cos - v * turn * sin, "y": a * sin + v * turn * cos, "yaw": turn_change}
-        return States(x=v * cos, y=v * sin, yaw=turn), States(**second)
 
     def knots(self, states: States, rates: FloatArray, clock: FloatArray) -> States:
         pace = np.abs(rates[:, 0]) / self.model.speed
