@@ -64,13 +64,12 @@ def parts_of_arcs(
     if graph.has_costs or graph.base is not None:
         yield *whole, (graph.indptr, graph.heads, graph.costs)
         return
-    if (nodes[:-1] > nodes[1:]).any():  # the arcs of a range of groups are no range
-        yield *whole, (graph.indptr, *graph.ends_and_costs(slice(None)))
-        return
     ends, offsets = np.append(rows[:, OFFSET], graph.nodes), np.empty_like(graph.indptr)
-    step = max(1, len(rows) * PART // max(1, graph.arcs))
-    for first in range(0, len(rows), step):
-        last = min(first + step, len(rows))
+    closed = np.maximum.accumulate(nodes)[ends[1:] - 1] < ends[1:]  # groups whose nodes and those before are a range
+    last_groups, step = np.flatnonzero(closed) + 1, max(1, len(rows) * PART // max(1, graph.arcs))
+    last = 0
+    while last < len(rows):
+        first, last = last, int(last_groups[np.searchsorted(last_groups, min(last + step, len(rows)))])
         begin, end = ends[[first, last]].tolist()
         arcs = slice(int(graph.indptr[begin]), int(graph.indptr[end]))
         offsets[begin : end + 1] = graph.indptr[begin : end + 1] - arcs.start
