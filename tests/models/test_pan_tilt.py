@@ -79,23 +79,23 @@ def looking_about(model):
 
 @pytest.mark.proof
 def test_a_head_that_never_moves_costs_what_the_base_does_in_every_criterion():
-    world = random_world(np.random.default_rng(1))
-    driven = Trajectory.from_poses(BASE, POSES)
+    world, base = random_world(np.random.default_rng(1)), replace(BASE, seat=(-0.1, 0.0, 0.6))
+    head, driven = replace(HEAD, base=base), Trajectory.from_poses(base, POSES)
     for criterion in (own_criterion(name) for name in NAMES):
         name = criterion.name
         if "joints" in criterion.requires:
             continue
-        expected, found = (trajectory_costs([criterion], [t], world) for t in (driven, still(HEAD, driven)))
+        expected, found = (trajectory_costs([criterion], [t], world) for t in (driven, still(head, driven)))
         np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9, err_msg=name)
         if criterion.aggregate == "trajectory":
             continue
         for kind in ("move", "turn", "run", "spin"):
             motions = random_motions(
-                np.random.default_rng(2), world, BASE, "move" if kind in ("move", "run") else "turn", 4
+                np.random.default_rng(2), world, base, "move" if kind in ("move", "run") else "turn", 4
             )
-            motions, nothing = replace(motions, law=BASE.laws[kind]), np.zeros(4)
+            motions, nothing = replace(motions, law=base.laws[kind]), np.zeros(4)
             ends = (with_head(states, nothing, nothing) for states in (motions.start, motions.end))
-            headed = Motions(world, HEAD, HEAD.laws[kind], *ends, t0=motions.t0)
+            headed = Motions(world, head, head.laws[kind], *ends, t0=motions.t0)
             expected, found = (motion_costs(criterion, m) for m in (motions, headed))
             np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-9, err_msg=f"{name} of a {kind}")
 
