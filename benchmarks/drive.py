@@ -39,7 +39,7 @@ import hpop.errors
 from hpop.base.arrays import IntArray
 from hpop.criteria import make_criterion
 from hpop.planners import Lattice
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.scenario import load_scenario
 from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
 from hpop.world import Person

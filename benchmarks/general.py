@@ -26,7 +26,7 @@ import graph as plain
 import numpy as np
 
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import Graph, pareto_paths
 
 DATA = Path(os.environ.get("HPOP_DATA", Path(__file__).resolve().parents[2] / "shared" / "data"))

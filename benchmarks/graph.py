@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from hpop.errors import GraphError, HpopError
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.graph import MAX_COSTS
 from hpop.search.networks import MAX_INDEX, MAX_SUM

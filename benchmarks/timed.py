@@ -28,7 +28,7 @@ from plain_timed import PlainFront, plain_front
 
 from hpop.base.arrays import IntArray
 from hpop.problems.solving import front
-from hpop.runtime.status import Progress
+from hpop.runtime.limits import Progress
 from hpop.search.timed import TimedPaths, timed_paths
 
 EPS = 0.05

@@ -1,7 +1,7 @@
 """Errors that hpop raises for mistakes of users; each class has an exit code for the command line.
 
 A message says what was expected, what was given, and what to do. "No path" and "time limit" are results, not errors:
-they are a :class:`hpop.runtime.status.Status`.
+they are a :class:`hpop.runtime.limits.Status`.
 """
 
 from __future__ import annotations

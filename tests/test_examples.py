@@ -20,7 +20,7 @@ from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
 from hpop.frontier import is_nondominated
 from hpop.goals import LookAt
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.verify import verify
 from hpop.scenario import load_scenario
 from hpop.view import draw_map, draw_side, save_pictures

@@ -11,7 +11,7 @@ import shapely
 
 import hpop
 from hpop.runtime.compiled import numba
-from hpop.runtime.status import Progress, described, progress_bar
+from hpop.runtime.limits import Progress, described, progress_bar
 from tests.warm import Warm
 
 #: What somebody writes into a file of their own.

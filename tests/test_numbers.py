@@ -12,7 +12,7 @@ from hpop import DifferentialDrive, Problem, World
 from hpop.base.registry import criteria, planners
 from hpop.errors import CriterionError, HpopError, OptionError, QueryError
 from hpop.planners import Lattice
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.runtime.sweep import processes
 from hpop.scenario import load_scenario
 from hpop.search.machinery.approximation import ANYTHING, thin_front

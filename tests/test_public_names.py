@@ -125,9 +125,9 @@ hpop.planners.graphs.family.OnGraph
 hpop.planners.graphs.family.graph_family
 hpop.planners.graphs.graph_family
 hpop.planners.judgement.judge
-hpop.planners.lattice.Lattice
+hpop.planners.graph_planners.Lattice
 hpop.planners.planner
-hpop.planners.roadmap.Roadmap
+hpop.planners.graph_planners.Roadmap
 hpop.poses.poses
 hpop.problem.Problem
 hpop.randomness
@@ -281,7 +281,7 @@ hpop.base.math
 hpop.base.math.hypot
 hpop.base.math.smooth_abs
 hpop.base.options
-hpop.base.randomness
+hpop.base.options
 hpop.base.registry
 hpop.base.registry.GROUPS
 hpop.base.registry.criteria
@@ -294,8 +294,8 @@ hpop.batches.summaries
 hpop.batches.summary_lines
 hpop.problems.verify
 hpop.problems.verify.verify
-hpop.runtime.status.Progress
-hpop.runtime.status.Status
+hpop.runtime.limits.Progress
+hpop.runtime.limits.Status
 hpop.runtime.sweep
 hpop.runtime.sweep.Sweep
 hpop.runtime.sweep.dask

@@ -9,9 +9,9 @@ import pytest
 import shapely
 
 import hpop
-from hpop.base.randomness import seed_of
+from hpop.base.options import seed_of
 from hpop.errors import OptionError, ScenarioError
-from hpop.planners.roadmap import Roadmap
+from hpop.planners.graph_planners import Roadmap
 from hpop.planners.rrt import RRT
 from hpop.scenario import load_scenario
 

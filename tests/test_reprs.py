@@ -13,7 +13,7 @@ import pytest
 import hpop
 from hpop.motions import Motions, States
 from hpop.planners import Candidates
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.scenario import load_scenario
 from hpop.search import Graph, pareto_paths
 from hpop.trajectories.history import History

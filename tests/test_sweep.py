@@ -22,7 +22,7 @@ import pytest
 from hpop.errors import OptionError
 from hpop.runtime import clusters
 from hpop.runtime import sweep as module
-from hpop.runtime.status import Progress
+from hpop.runtime.limits import Progress
 from hpop.runtime.sweep import Sweep, dask, processes
 from hpop.search import Graph, SupportedPaths, supported_paths
 from tests.interrupted import interrupted_locks

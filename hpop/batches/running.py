@@ -31,8 +31,7 @@ from hpop.planners.base import Planner, PlannerSpec
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.limits import peak_memory
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status, peak_memory
 from hpop.runtime.sweep import Sweep, processes
 from hpop.world import World
 

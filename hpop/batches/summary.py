@@ -14,7 +14,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray
 from hpop.batches.results import COST, Results
 from hpop.frontier import default_reference, hypervolume
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ import click
 
 from hpop.benchmark import graph_files, running
 from hpop.errors import HpopError
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import pareto_paths
 
 FILE = click.Path(path_type=Path, dir_okay=False)

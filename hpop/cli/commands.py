@@ -43,9 +43,9 @@ from hpop.cli.terminal import (
     verbose_option,
 )
 from hpop.errors import OptionError, OutputError
-from hpop.runtime import status
+from hpop.runtime import limits
 from hpop.runtime.interrupts import stopping_announced
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -277,7 +277,7 @@ def _solved(
     """
     fronts: list[Front] = []
     say = cli.report.StageLines()
-    with status.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
+    with limits.progress_bar() as progress, PicturesBeside(out, imports, _most(scenario)) as pictures:
 
         def keep(front: Front) -> None:
             pictures.stop()

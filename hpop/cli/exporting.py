@@ -14,7 +14,7 @@ from hpop import cli, problems
 from hpop.cli.results import RIDE, loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, listed, open_page, points_option, rows_option, user_errors
 from hpop.errors import HpopError
-from hpop.runtime import status
+from hpop.runtime import limits
 
 if TYPE_CHECKING:
     from hpop.problems.front import Front
@@ -156,7 +156,7 @@ def film(
     for save, target in ((hpop.view.save_video, video), (hpop.view.save_frames, frames)):
         if target is None:
             continue
-        with status.progress_bar() as progress:
+        with limits.progress_bar() as progress:
             written = save(problem, front, target, row=row.number, fps=fps, width=width, progress=progress)
         echo(f"written to {written}: {row} as executed, {width} x {width // 2} pixels, {fps:g} frames a second")
 

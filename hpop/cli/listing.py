@@ -15,7 +15,7 @@ from hpop.base.text import argument, shown
 from hpop.cli import results
 from hpop.cli.terminal import NO_PATH, NOTHING_FOUND, echo, imports_option, open_page, user_errors
 from hpop.errors import OptionError, OutputError, QueryError
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 

@@ -32,7 +32,7 @@ from hpop.problems.evaluation import criteria_of
 from hpop.problems.front import Front
 from hpop.problems.named_rows import visit_order
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 
 MOST_ROWS = 20

@@ -12,7 +12,7 @@ import hpop
 from hpop import cli
 from hpop.cli.terminal import Commands, echo, imports_option, user_errors
 from hpop.errors import OutputError
-from hpop.runtime.status import Status, progress_bar
+from hpop.runtime.limits import Status, progress_bar
 
 if TYPE_CHECKING:
     from hpop.ros import GoalPlanner

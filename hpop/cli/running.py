@@ -21,8 +21,8 @@ from hpop.cli import results
 from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import INTERRUPTED, echo, imports_option, user_errors
 from hpop.errors import OutputError
-from hpop.runtime import status
-from hpop.runtime.status import Status, no_path_note
+from hpop.runtime import limits
+from hpop.runtime.limits import Status, no_path_note
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -77,7 +77,7 @@ def batch(
             executor = stack.enter_context(runtime.sweep.dask(dask))
         elif ray is not None:
             executor = stack.enter_context(runtime.sweep.ray(ray))
-        bar = stack.enter_context(status.progress_bar())
+        bar = stack.enter_context(limits.progress_bar())
 
         def tell(progress: BatchProgress) -> None:
             nonlocal last
@@ -87,7 +87,7 @@ def batch(
             failures = f", {progress.failed:,} with an error" if progress.failed else ""
             remaining = hpop.batches.summary.remaining_text(progress.left)
             detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining}"
-            bar(status.Progress("solved", detail=detail))
+            bar(limits.Progress("solved", detail=detail))
 
         try:
             hpop.batches.running.run_cases(cases, out, workers=workers, executor=executor, progress=tell, again=again)

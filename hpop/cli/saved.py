@@ -27,8 +27,8 @@ from hpop.cli.terminal import (
     verbose_option,
 )
 from hpop.errors import OutputError
-from hpop.runtime import status
-from hpop.runtime.status import Progress, progress_bar
+from hpop.runtime import limits
+from hpop.runtime.limits import Progress, progress_bar
 
 if TYPE_CHECKING:
     from hpop.base.arrays import IntArray
@@ -141,7 +141,7 @@ def show(
         cli.picking.print_preference(preference, more)
     checks = "ends and collisions" if problem.tour is None else "ends, stops and collisions"
     echo(f"checking costs, {checks}")
-    with status.progress_bar() as progress:
+    with limits.progress_bar() as progress:
         faults = problems.verify.verify(
             problem,
             front,
@@ -255,7 +255,7 @@ def _refuse_faults(path: Path, faults: list[str]) -> None:
 
 def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     """Return the front with the criteria ``also`` evaluated on its trajectories, as reported values."""
-    with status.progress_bar() as progress:
+    with limits.progress_bar() as progress:
         return problems.evaluation.evaluated(
             problem, front, also, lambda done: progress(Progress("evaluation", detail=done))
         )

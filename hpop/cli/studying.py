@@ -19,8 +19,8 @@ from hpop.cli.results import loaded
 from hpop.cli.study_scores import folder_argument, power, preregister, report, score
 from hpop.cli.terminal import Commands, echo, imports_option, listed, user_errors
 from hpop.errors import HpopError, StudyError
-from hpop.runtime import status
-from hpop.runtime.status import Progress
+from hpop.runtime import limits
+from hpop.runtime.limits import Progress
 
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
@@ -189,7 +189,7 @@ def init(
             language=language,
             seed=seed,
         )
-    with status.progress_bar() as progress:
+    with limits.progress_bar() as progress:
         progress(Progress("stimuli and pages"))
         hpop.study.prepare(design, planned, folder, words=words, progress=progress)
     for note in design.notes:

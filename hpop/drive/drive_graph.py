@@ -34,7 +34,7 @@ from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.tour_stops import with_stop_states
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.objectives import Objectives
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph, ParetoPaths, SearchStats
 from hpop.search.prepared import Prepared
 from hpop.search.prepared.closings import known_paths

@@ -20,7 +20,7 @@ from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
 from hpop.planners.objectives import Objectives
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph
 from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory

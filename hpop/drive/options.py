@@ -23,7 +23,7 @@ from hpop.goals import Tour
 from hpop.motions import HOLD, States, laws_of
 from hpop.planners.programs.polyline import crossing_word, holes
 from hpop.problems.front import Front, Point
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

@@ -32,7 +32,7 @@ from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
 from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import CORES, Spending
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.prepared import Prepared
 from hpop.trajectories.trajectory import Trajectory
 

@@ -40,7 +40,7 @@ from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.tour_stops import tour_members
 from hpop.planners.objectives import Objectives
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.timed import TimedGraph, TimedPaths
 from hpop.search.timed.prepared import PreparedTimed, TimedPath
 from hpop.trajectories.trajectory import Trajectory

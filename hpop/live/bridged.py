@@ -17,13 +17,13 @@ import shapely
 from hpop.live.simulator import RADIUS, WATCHDOG, LiveRobot, Pose
 from hpop.problems.problem import Problem
 from hpop.ros.bridge import Bridge
+from hpop.ros.follow_plans import Sighting, StatesAhead
 from hpop.ros.follow_server import RobotServer
 from hpop.ros.following import SLOWEST, STAND
 from hpop.ros.navigation import FollowInterface
 from hpop.ros.observations import FilterScale, OccupancyGrid, new_areas
 from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import Interface
-from hpop.ros.sighting import Sighting, StatesAhead
 from hpop.simulation import Command, DriveLimits, Walking
 from hpop.trajectories.trajectory import Trajectory
 

@@ -26,7 +26,7 @@ from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.problems.problem import Problem
 from hpop.problems.why import why_not
-from hpop.runtime.status import no_path_note
+from hpop.runtime.limits import no_path_note
 from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.payload import payload as explorer_payload

@@ -9,14 +9,17 @@ written over motions therefore runs unchanged on graphs, on trajectories and ins
 from __future__ import annotations
 
 from hpop.motions.batch import Motions
-from hpop.motions.bodies import Body, Instants, Rate, integrated
-from hpop.motions.collision import (
+from hpop.motions.bodies import (
+    Body,
     Collision,
+    Instants,
     JointCollision,
     PlaneCollision,
+    Rate,
     Separations,
     collision_of,
     free_along,
+    integrated,
 )
 from hpop.motions.laws import (
     HOLD,

@@ -17,8 +17,7 @@ from hpop.motions.states import Pose, States, StateSpace, Twist
 
 if TYPE_CHECKING:
     from hpop.motions.batch import Motions
-    from hpop.motions.bodies import Body
-    from hpop.motions.collision import Collision
+    from hpop.motions.bodies import Body, Collision
     from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World
 

@@ -11,16 +11,16 @@ from hpop.base.lazy import homes_of, on_first_use
 from hpop.planners.base import Candidates, Planner, make_planner, planner
 
 if TYPE_CHECKING:
-    from hpop.planners.lattice import AnyAngle as AnyAngle
-    from hpop.planners.lattice import Lattice as Lattice
+    from hpop.planners.graph_planners import AnyAngle as AnyAngle
+    from hpop.planners.graph_planners import Lattice as Lattice
+    from hpop.planners.graph_planners import Roadmap as Roadmap
+    from hpop.planners.graph_planners import WeightedSum as WeightedSum
     from hpop.planners.programs.corridor.planner import WeightedSumCorridor as WeightedSumCorridor
     from hpop.planners.programs.epsilon_constraint.planner import EpsilonConstraint as EpsilonConstraint
     from hpop.planners.programs.smoothing.planner import Smoothing as Smoothing
     from hpop.planners.programs.spline.planner import Spline as Spline
-    from hpop.planners.roadmap import Roadmap as Roadmap
     from hpop.planners.rrt import RRT as RRT
     from hpop.planners.searches.exact import Exact as Exact
-    from hpop.planners.weighted_sum import WeightedSum as WeightedSum
 
 _HOMES = homes_of(__name__)
 __all__ = [*_HOMES, "Candidates", "Planner", "make_planner", "planner"]

@@ -19,7 +19,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError
 from hpop.planners.objectives import edge_objectives as edge_objectives
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

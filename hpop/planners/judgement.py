@@ -26,7 +26,7 @@ from hpop.goals import GoalSet
 from hpop.goals.approach import misses_line, reached_in
 from hpop.motions import States, free_along, is_curve
 from hpop.planners.base import Candidates
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 

@@ -15,8 +15,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.base.options import one_of, set_wholes
-from hpop.base.randomness import MaybeRNG, set_seed
+from hpop.base.options import MaybeRNG, one_of, set_seed, set_wholes
 from hpop.base.text import set_python_values
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.criteria.costs import trajectory_costs
@@ -27,7 +26,7 @@ from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane, on_wheels, one_goal, start_of
 from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.rrt_query import NEAR, STEP, Base, TreeQuery, close_gap, of_wheels
-from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.limits import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
 if TYPE_CHECKING:

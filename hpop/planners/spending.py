@@ -24,7 +24,7 @@ from hpop.planners.base import Candidates, Planner
 from hpop.planners.objectives import Objectives
 from hpop.runtime import limits
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import RESERVED, Budget, Progress, ProgressCallback, Status
+from hpop.runtime.limits import RESERVED, Budget, Progress, ProgressCallback, Status
 
 if TYPE_CHECKING:
     from hpop.search.machinery.checkpoint import CheckpointSpec

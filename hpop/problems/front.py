@@ -23,7 +23,7 @@ from hpop.frontier.points import as_json
 from hpop.frontier.storage import checked_path
 from hpop.models import files
 from hpop.motions import Model
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.description import found_from, seen_from, without_places

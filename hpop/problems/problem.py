@@ -32,7 +32,7 @@ from hpop.problems import evaluation, solving
 from hpop.problems.evaluation import Trace, trace
 from hpop.problems.front import Front
 from hpop.problems.solving import StageCallback, last_answer, notes_on_landmarks
-from hpop.runtime.status import ProgressCallback, progress_callback
+from hpop.runtime.limits import ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 from hpop.world.content.predictions import bounded, with_people
@@ -167,7 +167,7 @@ class Problem:
         ----------
         planner : a name with its ``options``, ``{name: {option: value}}``, a planner object, or a list of these
         progress : True shows a line on the terminal; a function is called from time to time with a
-            :class:`hpop.runtime.status.Progress`. The logger "hpop" reports stages (DEBUG) and the result of each
+            :class:`hpop.runtime.limits.Progress`. The logger "hpop" reports stages (DEBUG) and the result of each
             planner (INFO)
         executor : runs the jobs of planners that solve many programs (processes, Dask, ...); it changes no result
         """

@@ -30,7 +30,7 @@ from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as evaluated_front
 from hpop.problems.verify import collision_free
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 
 MOST_POINTS = 1000

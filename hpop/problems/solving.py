@@ -29,7 +29,7 @@ from hpop.planners.judgement import evaluable_in_time
 from hpop.planners.needs import check_goal, refuse_unsupported
 from hpop.planners.spending import Spending
 from hpop.problems.front import Front
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status, log
+from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status, log
 from hpop.search.machinery.checkpoint import Checkpoint
 from hpop.trajectories.motion_table import MotionTable
 from hpop.trajectories.trajectory import Trajectory

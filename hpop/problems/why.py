@@ -25,7 +25,7 @@ from hpop.problems.front import Front, Point
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as front_of
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 if TYPE_CHECKING:
     from hpop.planners.base import Planner

@@ -28,7 +28,7 @@ from hpop.ros.messages import Message, PlanarPose, planar_pose
 from hpop.ros.planning import GoalPlanner
 from hpop.ros.protocol import ErrorCode, Failure, GoalResult, canceled, failed
 from hpop.runtime.interrupts import WAKING, interrupts_noted, waited
-from hpop.runtime.status import Progress, log
+from hpop.runtime.limits import Progress, log
 
 ALIVE = 1.0  # least time between two feedback messages, s
 FAREWELL = 10.0  # s to wait until planning stops

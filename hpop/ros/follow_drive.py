@@ -20,12 +20,20 @@ from hpop.errors import HpopError
 from hpop.motions import is_curve, laws_of
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow
-from hpop.ros.follow_plans import Ended, FollowGoal, FollowPlanner, FollowSettings, Planned
+from hpop.ros.follow_plans import (
+    CHECKED,
+    Ended,
+    FollowGoal,
+    FollowPlanner,
+    FollowSettings,
+    Planned,
+    Sighting,
+    StatesAhead,
+)
 from hpop.ros.messages import PlanarPose
 from hpop.ros.paths import path_message
 from hpop.ros.planning import choice_of, chosen_row, options_of
 from hpop.ros.protocol import ErrorCode, Failure
-from hpop.ros.sighting import CHECKED, Sighting, StatesAhead
 from hpop.simulation.tracking import DriveLimits, Tracker
 from hpop.trajectories.trajectory import Trajectory
 

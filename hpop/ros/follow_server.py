@@ -21,7 +21,7 @@ from hpop.ros.following import Follower
 from hpop.ros.messages import SECOND, Message, mapping, time_of
 from hpop.ros.navigation import FollowInterface, Hearing, Listener
 from hpop.ros.protocol import GoalStatus, MessageServer
-from hpop.runtime.status import log
+from hpop.runtime.limits import log
 from hpop.simulation.tracking import Command
 
 MOST_BYTES = 2**25  # largest incoming message: a map of 8 million cells as JSON

@@ -23,7 +23,7 @@ from hpop.problems.problem import Problem, TourSpec
 from hpop.ros.messages import Message, PlanarPose, mapping, planar_pose
 from hpop.ros.paths import MOST_POSES, path_message
 from hpop.ros.protocol import LONGEST_CHOICE, ErrorCode, Failure, GoalResult, GoalStatus, Interface, failed, values_of
-from hpop.runtime.status import ProgressCallback, Status, no_path_note
+from hpop.runtime.limits import ProgressCallback, Status, no_path_note
 from hpop.world import World
 
 LEAST = re.compile(r"(?:least|fewest)[ _](.+)")

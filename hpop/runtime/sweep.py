@@ -34,7 +34,7 @@ from hpop.errors import OptionError
 from hpop.runtime.clusters import dask as dask
 from hpop.runtime.clusters import ray as ray
 from hpop.runtime.interrupts import ENDING, interrupts_held
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 S = TypeVar("S")
 T = TypeVar("T")

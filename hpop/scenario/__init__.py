@@ -73,8 +73,8 @@ from hpop.planners.spending import OPTIONS, Exhausted, Spending, common_spending
 from hpop.preference import Preference
 from hpop.problems.problem import Problem
 from hpop.runtime import limits
+from hpop.scenario.events import groups_of, people_of
 from hpop.scenario.faults import Faults
-from hpop.scenario.people import groups_of, people_of
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,

@@ -19,7 +19,7 @@ from hpop.base.text import article, shown
 from hpop.errors import MOST_LETTERS, OWN, HpopError, QueryError, ScenarioError
 from hpop.goals import Tour, TourStop, is_named
 from hpop.motions import Model, StateSpace
-from hpop.runtime.status import LIMITS, NO_LIMIT
+from hpop.runtime.limits import LIMITS, NO_LIMIT
 from hpop.scenario.schema import StopEntry, WorldSection, parameters_of, stop_words
 from hpop.scenario.yaml_lines import Document, Place, entries, note_on_path, note_on_yaml
 from hpop.world.readers.readers import ENDINGS

@@ -22,7 +22,7 @@ from hpop.errors import NOTE, MapError, OptionError, QueryError, meant_file
 from hpop.planners.needs import elsewhere
 from hpop.planners.programs.free_map import FreeMap
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status, no_path_note
+from hpop.runtime.limits import Status, no_path_note
 from hpop.scenario.json_schema import LINE
 from hpop.world import World
 from hpop.world.readers.readers import map_beside, reader_of

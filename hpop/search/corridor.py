@@ -32,7 +32,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.frontier import is_nondominated
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision, thin_front
 from hpop.search.machinery.slices import Clock

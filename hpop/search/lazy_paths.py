@@ -19,7 +19,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from hpop.frontier import is_nondominated
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, invalid_checkpoint

@@ -13,7 +13,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import IntArray
 from hpop.base.text import shown
 from hpop.errors import OptionError
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import general, machinery, staircase, supported
 from hpop.search.choice import choose_method, choose_order
 from hpop.search.graph import Graph

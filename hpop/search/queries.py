@@ -15,7 +15,7 @@ from hpop.base.options import MOST_COUNTED, amounts, whole
 from hpop.base.text import python_value, shown
 from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import ItemFront
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.networks import WHOLE, unknown_label

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hpop.runtime import interrupts
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search.general.search import General
 from hpop.search.graph import Graph
 from hpop.search.machinery.beside import kernel_name

@@ -20,7 +20,7 @@ from hpop.base.files import sweep
 from hpop.errors import HpopError, StudyError
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import ProgressCallback
+from hpop.runtime.limits import ProgressCallback
 from hpop.study import tasks
 from hpop.study.analysis import analyse
 from hpop.study.answers import CSV, REMARKS, SQLITE, Answers, read_sessions

@@ -33,7 +33,7 @@ from hpop.errors import OutputError, StudyError
 from hpop.frontier.strict_json import parse
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Progress, ProgressCallback, progress_callback
+from hpop.runtime.limits import Progress, ProgressCallback, progress_callback
 from hpop.study.documents import STIMULI, Words, words
 from hpop.study.factors import Level, Levels, shown_part
 from hpop.study.protocol import STOP_RULE

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.randomness import RNG, seed_of
+from hpop.base.options import RNG, seed_of
 from hpop.base.registry import make_model, models
 from hpop.base.text import shown
 from hpop.criteria.base import make_criterion
@@ -28,7 +28,7 @@ from hpop.planners.objectives import integral_of
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free, verify
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from hpop.testing.contracts import Check, fault_of, raise_faults
 from hpop.testing.models import drawn_states
 from hpop.world import Person, Solid, Sphere, World, pose_at

@@ -21,7 +21,7 @@ from hpop.base.text import printable, shown
 from hpop.errors import OptionError
 from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.view.ground import View
 from hpop.view.style import LARGE, MOST_HIGH, MOST_WIDE, NORMAL, QUIET, SMALL, how_many_drawn, quantities, whole_ticks
 

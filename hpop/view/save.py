@@ -28,7 +28,7 @@ from hpop.planners.spending import Spending
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.runtime import limits
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.view.content import draw_content
 from hpop.view.front_plot import draw_front
 from hpop.view.ground import View, draw_scale_bar, outline

@@ -13,7 +13,7 @@ import hpop.runtime.compiled
 import hpop.view
 from hpop.cli import results
 from hpop.cli.beside import PicturesBeside
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.front import Front
 from hpop.search.machinery import beside
 

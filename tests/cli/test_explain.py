@@ -14,7 +14,7 @@ from hpop.cli.glossary import entries, page
 from hpop.cli.report import WORDS
 from hpop.cli.results import PICTURES, SAVED
 from hpop.problems.front import Front
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 pytestmark = pytest.mark.usefixtures("no_pictures")
 

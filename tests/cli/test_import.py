@@ -28,7 +28,7 @@ MORE = """\
 from dataclasses import dataclass
 import hpop
 from hpop.planners import planner
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.base.registry import readers
 
 @planner("my_lattice")

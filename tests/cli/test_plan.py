@@ -23,7 +23,7 @@ from hpop.planners.base import Candidates
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import ProgressCallback
+from hpop.runtime.limits import ProgressCallback
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 

@@ -20,10 +20,10 @@ MOST = 1.5  # processor seconds; .4 on an idle machine
 #: `hpop plan` that presses Ctrl-C itself, when the search reports so many points, and counts from then on.
 INTERRUPTED = f"""\
 import signal, time
-import hpop.cli.beside, hpop.runtime.status
+import hpop.cli.beside, hpop.runtime.limits
 from hpop.entry import main
 hpop.cli.beside.PicturesBeside._begin = lambda pictures, which: print(which, "is drawn beside")
-described, begun = hpop.runtime.status.described, []
+described, begun = hpop.runtime.limits.described, []
 
 def interrupting(progress):
     if progress.front >= {POINTS} and not begun:
@@ -31,7 +31,7 @@ def interrupting(progress):
         signal.raise_signal(signal.SIGINT)
     return described(progress)
 
-hpop.runtime.status.described = interrupting
+hpop.runtime.limits.described = interrupting
 try:
     main()
 finally:

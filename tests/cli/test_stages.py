@@ -19,10 +19,10 @@ from hpop.cli import main, report
 from hpop.cli.beside import PicturesBeside
 from hpop.errors import OptionError
 from hpop.planners.base import Candidates
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import ProgressCallback, Status
+from hpop.runtime.limits import ProgressCallback, Status
 from tests.worlds import TWO_WALLS
 
 LINE = re.compile(

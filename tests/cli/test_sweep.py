@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner, Result
 
-import hpop.runtime.status
+import hpop.runtime.limits
 import hpop.view
 from hpop.cli import main
 from hpop.cli.beside import PicturesBeside
-from hpop.runtime.status import Progress
+from hpop.runtime.limits import Progress
 
 SCENARIO = """\
 world:
@@ -138,7 +138,7 @@ def test_ctrl_c_in_a_sweep_keeps_what_is_finished(
         if progress.stage == stage and progress.front >= least:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr(hpop.runtime.status, "progress_bar", lambda: nullcontext(interrupt))
+    monkeypatch.setattr(hpop.runtime.limits, "progress_bar", lambda: nullcontext(interrupt))
     planner = {"weights": "weighted-sum", "epsilon-constraint": "epsilon-constraint"}[stage]
     scenario.write_text(SCENARIO.split("planner:")[0] + f"planner: {{{planner}: {{step: 0.5}}}}\n")
     result = plan(scenario, "out", *workers)

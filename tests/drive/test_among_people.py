@@ -16,7 +16,7 @@ from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TICK
 from hpop.planners.graphs.timed.plans import GraphParts
 from hpop.planners.graphs.timed.presence import reading_time
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.timed import timed_paths
 from hpop.trajectories.contacts import contact
 from hpop.world import Person

@@ -15,7 +15,7 @@ import hpop
 from hpop.drive import Execution, Options, load
 from hpop.drive.plan import joined, until
 from hpop.planners import Lattice
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person
 from tests.drive.rooms import SOUTH, through
 from tests.drive.test_among_people import among

@@ -11,7 +11,7 @@ import shapely
 import hpop
 from hpop.drive import Execution, Options
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person, World
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)

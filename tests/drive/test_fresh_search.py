@@ -22,7 +22,7 @@ from hpop.planners import Lattice
 from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.query import built_query
 from hpop.planners.objectives import edge_objectives
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.world import Person, World
 from hpop.world.content.content import Zone
 

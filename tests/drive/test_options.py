@@ -14,7 +14,7 @@ from hpop.drive.plan import between, held
 from hpop.drive.wishes import wished
 from hpop.errors import DriveError, HpopError
 from hpop.preference import Preference
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person
 from tests.drive.rooms import NORTH, SOUTH, STEP, asked, planned, through, two_doors
 

@@ -24,7 +24,7 @@ from hpop.planners import Roadmap
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.roadmap.headings import StateRoadmap
 from hpop.planners.objectives import edge_objectives
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.world import World
 from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered

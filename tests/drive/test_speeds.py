@@ -27,7 +27,7 @@ from hpop.planners.graphs.speeds import with_speeds
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person
 from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered

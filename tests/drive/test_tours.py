@@ -16,7 +16,7 @@ import hpop
 from hpop.errors import DriveError
 from hpop.goals import Tour
 from hpop.planners.base import make_planner
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.content.content import Zone
 from tests.drive.rooms import NORTH, SOUTH, two_doors

@@ -18,7 +18,7 @@ from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.graphs.timed.tour_layers import timed_tour
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.tour_stops import tour_members
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.timed import timed_paths
 from tests.drive.rooms import two_doors
 from tests.drive.test_among_people import CLOSED, walkers

@@ -16,7 +16,7 @@ from hpop.drive.plan import closed_trajectories
 from hpop.drive.ways_out import ways_out
 from hpop.errors import ModelError
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person, World
 
 HX, HY = 0.4, 0.25  # m, half of the sides

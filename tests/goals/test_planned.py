@@ -15,7 +15,7 @@ from hpop.cli.explain import print_goals
 from hpop.cli.report import print_front
 from hpop.errors import QueryError
 from hpop.goals import LookAt
-from hpop.planners.weighted_sum import WeightedSum
+from hpop.planners.graph_planners import WeightedSum
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

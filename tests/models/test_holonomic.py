@@ -17,7 +17,7 @@ from hpop.errors import CriterionError, ModelError, UnsupportedModel
 from hpop.motions import States, lacking
 from hpop.planners import Candidates
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.testing import conformance, random_world
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.map import draw_map

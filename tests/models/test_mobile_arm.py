@@ -21,7 +21,7 @@ from hpop.criteria.others import reach
 from hpop.errors import ModelError, QueryError, UnsupportedModel
 from hpop.models import MobileArm
 from hpop.motions import Motions, Pose, States
-from hpop.planners.roadmap import Roadmap
+from hpop.planners.graph_planners import Roadmap
 from hpop.problems.verify import verify
 from hpop.testing import check_model
 from hpop.trajectories.trajectory import Trajectory

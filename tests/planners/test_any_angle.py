@@ -11,11 +11,11 @@ import shapely
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
+from hpop.planners.graph_planners import AnyAngle, Lattice
 from hpop.planners.judgement import is_free, judge
-from hpop.planners.lattice import AnyAngle, Lattice
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 from hpop.world.content.content import Person
 

@@ -13,7 +13,7 @@ import pytest
 PLAN = """
 import json, resource, sys
 import shapely, hpop, hpop.view
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 
 def peak():
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024

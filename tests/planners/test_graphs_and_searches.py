@@ -13,13 +13,13 @@ import shapely
 import hpop
 from hpop.errors import OptionError, QueryError
 from hpop.planners import Candidates
+from hpop.planners.graph_planners import WeightedSum
 from hpop.planners.graphs import GraphFamily
 from hpop.planners.graphs.family import make_family
 from hpop.planners.searches.exact import Exact
 from hpop.planners.spending import Exhausted
-from hpop.planners.weighted_sum import WeightedSum
 from hpop.problems.verify import verify
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from hpop.world import Person
 from tests.hulls import Hull
 from tests.search.conftest import front_by_closure

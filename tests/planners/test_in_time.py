@@ -9,7 +9,7 @@ import hpop
 from hpop.criteria.base import make_criterion
 from hpop.planners.base import Candidates
 from hpop.planners.judgement import FEW, evaluable_in_time
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 ROBOT = hpop.DifferentialDrive(radius=0.3)
 LENGTH, TURNS = make_criterion("length"), make_criterion("turns")

@@ -9,7 +9,7 @@ import shapely
 import hpop
 from hpop.planners import AnyAngle, EpsilonConstraint, Roadmap, Smoothing, WeightedSum, WeightedSumCorridor, spending
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status, Watch
+from hpop.runtime.limits import Status, Watch
 from tests.watched import watched
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))

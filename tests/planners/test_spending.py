@@ -12,13 +12,11 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.planners import spending
+from hpop.planners.graph_planners import Lattice, Roadmap, WeightedSum
 from hpop.planners.graphs import arcs
-from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap import Roadmap
 from hpop.planners.spending import Exhausted, Spending
-from hpop.planners.weighted_sum import WeightedSum
 from hpop.runtime import compiled
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from tests.interrupted import interrupted_locks
 from tests.watched import watched
 

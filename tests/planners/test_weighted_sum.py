@@ -13,7 +13,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners import Candidates, Lattice, WeightedSum
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from hpop.runtime.sweep import processes
 from hpop.world import World
 

@@ -14,13 +14,13 @@ import hpop.view
 from hpop.cli import main, results
 from hpop.cli.beside import PicturesBeside
 from hpop.planners.base import Deferred
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems import solving
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime import status
-from hpop.runtime.status import Progress
+from hpop.runtime import limits
+from hpop.runtime.limits import Progress
 from hpop.scenario import load_scenario
 from tests.worlds import TWO_WALLS
 
@@ -54,7 +54,7 @@ def problem(tmp_path_factory: pytest.TempPathFactory) -> Problem:
 
 def stopped(folder: Path, times: int) -> Stopped:
     """Plan, and press Ctrl-C so many times while costs are re-evaluated."""
-    saved, left, plain, save = list[Front](), [times], status.described, results.save
+    saved, left, plain, save = list[Front](), [times], limits.described, results.save
 
     def interrupting(progress: Progress) -> str:
         if progress.stage == "evaluation" and progress.detail and left[0]:
@@ -68,7 +68,7 @@ def stopped(folder: Path, times: int) -> Stopped:
 
     (folder / "room.yaml").write_text(ROOM)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(status, "described", interrupting)
+        patch.setattr(limits, "described", interrupting)
         patch.setattr(results, "save", keep)
         result = CliRunner().invoke(main, ["plan", str(folder / "room.yaml"), "--out", str(folder / "out")])
     return Stopped(result, saved, folder / "out")

@@ -18,7 +18,7 @@ from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionE
 from hpop.planners.base import Candidates
 from hpop.problems import solving
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Progress, ProgressCallback, Status
+from hpop.runtime.limits import Progress, ProgressCallback, Status
 from hpop.trajectories.trajectory import Trajectory
 
 WORLD = hpop.World.from_polygons([(shapely.box(2, 0, 3, 2), (0.0, 1.0))], extent=shapely.box(0, 0, 5, 4))

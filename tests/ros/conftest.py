@@ -28,7 +28,7 @@ def room() -> hpop.Problem:
 
 @pytest.fixture(scope="session")
 def planning(room: hpop.Problem) -> GoalPlanner:
-    made = GoalPlanner(room, [hpop.planners.lattice.Lattice(step=0.5)], Interface())
+    made = GoalPlanner(room, [hpop.planners.graph_planners.Lattice(step=0.5)], Interface())
     made.rehearsed()
     return made
 
@@ -44,7 +44,7 @@ class Gate(GoalPlanner):
         self.entered.set()
         try:
             while not self.open.wait(1e-3):
-                progress(hpop.runtime.status.Progress("search"))
+                progress(hpop.runtime.limits.Progress("search"))
             return super().answer(goal, robot, progress)
         finally:
             self.left.set()

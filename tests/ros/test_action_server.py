@@ -11,7 +11,7 @@ import pytest
 
 import hpop
 from hpop.errors import OptionError, QueryError
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.ros import GoalPlanner, Interface, PlanarPose, plain, planar_pose, pose_message, trajectory_of
 from hpop.ros.protocol import ErrorCode
 from tests.export.given import robots

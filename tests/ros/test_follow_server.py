@@ -17,7 +17,7 @@ from websockets.exceptions import ConnectionClosed
 
 import hpop
 from hpop.errors import OptionError, RosError
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.ros import (
     Bridge,
     FollowInterface,

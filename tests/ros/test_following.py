@@ -11,7 +11,7 @@ import shapely
 
 import hpop
 from hpop.errors import OptionError, RosError
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.ros import Interface, PlanarPose, planar_pose
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
 from hpop.ros.following import Follower

@@ -32,7 +32,7 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDER = ROOT / "examples/ros2"
 TREES = {path.name: ast.parse(path.read_text()) for path in FOLDER.glob("*.py")}
 ROS = {"nav2_msgs", "rclpy", "std_msgs", "tf2_msgs", "ros_fields"}
-NEEDED = "import rclpy, nav2_msgs.action, tf2_msgs.msg, hpop.planners.lattice"
+NEEDED = "import rclpy, nav2_msgs.action, tf2_msgs.msg, hpop.planners.graph_planners"
 SUCCEEDED, CANCELED, ABORTED = 4, 5, 6
 SCENARIO = """\
 world: {ros_map: {path: hall.yaml}}

@@ -12,7 +12,7 @@ import shapely
 
 import hpop
 from hpop.errors import RosError
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.ros import Interface, PlanarPose, planar_pose
 from hpop.ros.follow_drive import UnderWay
 from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned

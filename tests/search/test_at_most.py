@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import OptionError
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph, pareto_paths
 
 

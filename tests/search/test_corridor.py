@@ -5,7 +5,7 @@ import sys
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.corridor import LargeQuery, search_in_corridor
 from hpop.search.machinery.approximation import Precision

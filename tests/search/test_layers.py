@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, pareto_paths, supported_paths
 from hpop.search.general.search import General
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds

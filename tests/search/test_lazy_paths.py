@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from hpop.base.arrays import BoolArray, IntArray
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search import lazy_paths as module
 from hpop.search.machinery.checkpoint import CheckpointError, Saved

@@ -157,7 +157,7 @@ def test_the_front_of_paths_holds_their_values_and_nodes_and_is_saved(tmp_path):
 
 
 def test_a_search_that_was_stopped_says_so_in_its_front():
-    from hpop.runtime.status import Budget
+    from hpop.runtime.limits import Budget
 
     g = city(nx.Graph, 2, nodes=30, edges=120)
     part = pareto_paths(g, "place 0", "place 1", costs=COSTS, budget=Budget(max_labels=4))

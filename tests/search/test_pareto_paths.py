@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import OptionError, QueryError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.staircase import search as staircase
 from tests.search.namoa_star import namoa_star

@@ -10,8 +10,8 @@ import shapely
 
 import hpop
 import hpop.runtime.compiled
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.query import Query
-from hpop.planners.lattice import Lattice
 from hpop.search import pareto_paths, supported_paths
 from hpop.search.machinery import beside
 from hpop.search.machinery.beside import ORDER, PARTS, Onset, description, is_first_kernel_missing

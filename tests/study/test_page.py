@@ -13,7 +13,7 @@ import pytest
 import hpop
 from hpop import study
 from hpop.errors import StudyError
-from hpop.runtime.status import Progress
+from hpop.runtime.limits import Progress
 from hpop.study import Design
 from hpop.study.documents import words
 from hpop.study.page import rides_of, session_page

@@ -16,7 +16,7 @@ import hpop
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.planners import Candidates, Lattice
 from hpop.problems.problem import Problem
-from hpop.runtime.status import ProgressCallback, Status
+from hpop.runtime.limits import ProgressCallback, Status
 from hpop.testing import check_planner
 from hpop.testing.planners import planner_checks
 from hpop.trajectories.trajectory import Trajectory

@@ -12,7 +12,7 @@ from hpop import DifferentialDrive, Problem, World
 from hpop.errors import OutputError
 from hpop.planners.spending import Spending
 from hpop.runtime import limits
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.view import draw_front, draw_map, draw_trace, draw_where, save_pictures
 from hpop.world.content.content import Landmark
 

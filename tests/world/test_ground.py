@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.runtime import limits
 from hpop.world import Ground, World
 from hpop.world.content.content import Landmark, Person, Zone

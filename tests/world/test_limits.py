@@ -11,7 +11,7 @@ import shapely
 import hpop
 from hpop.base.registry import criteria
 from hpop.criteria.others import zones
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.runtime import limits
 from hpop.world import Field, World
 from hpop.world.content.content import Landmark, Zone

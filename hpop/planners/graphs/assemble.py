@@ -15,7 +15,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.criteria.base import index_of_role
 from hpop.planners.base import Candidates, Deferred
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import ParetoPaths
 
 if TYPE_CHECKING:

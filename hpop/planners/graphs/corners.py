@@ -27,7 +27,7 @@ from hpop.planners.judgement import evaluable_in_time
 from hpop.planners.needs import goals_of, in_plane, start_of
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Exhausted, Spending, stopped
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

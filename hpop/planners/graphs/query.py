@@ -31,11 +31,11 @@ from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.search.lazy_paths import Free
 from hpop.search.queries import SearchStats, costs_along
-from hpop.search.supported.first_paths import first_paths
+from hpop.search.supported.weights import first_paths
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import BuiltGraph

@@ -26,7 +26,7 @@ from hpop.planners.judgement import trusted
 from hpop.planners.needs import refuse_moving
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.programs.warm_starts import Starting, known_tours
-from hpop.runtime.status import ProgressCallback, Status, Watch
+from hpop.runtime.limits import ProgressCallback, Status, Watch
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from hpop.planners.judgement import judge
 from hpop.planners.needs import check_goal, refuse_moving, refuse_unsupported
 from hpop.planners.programs.polyline import Polyline, straightened
 from hpop.planners.spending import LEAST
-from hpop.runtime.status import ProgressCallback, Status, Watch
+from hpop.runtime.limits import ProgressCallback, Status, Watch
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:

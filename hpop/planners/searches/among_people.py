@@ -14,7 +14,7 @@ from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.timed.timing import timed_query
 from hpop.planners.objectives import Objectives
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 if TYPE_CHECKING:
     from hpop.planners.searches.exact import ExactSearch

@@ -22,7 +22,7 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.searches.many_stops import fixed_stop_answers, fixes_stops, in_order_of_shortest
 from hpop.planners.searches.mean import Detour, DetourSpec, exact_mean, mean_criteria, mean_objectives
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.beside import is_compiling, is_first_kernel_missing, start_compilers
 from hpop.search.machinery.checkpoint import Checkpoint, CheckpointSpec
@@ -388,8 +388,8 @@ class Exact(ExactSearch, OnGraph):
     The planners "lattice", "roadmap" and "any-angle" are this search on a fixed graph family; they have the options of
     both. Accepts at most six criteria that add up along edges or take the worst edge (sum, max). Guarantees that no
     path of the graph is better in one cost and no worse in the others, with the cost of each edge rounded to the
-    criterion's quantum. :class:`hpop.planners.lattice.Lattice` describes eps, tolerance, checkpoint, max_detour and the
-    clock.
+    criterion's quantum. :class:`~hpop.planners.graph_planners.Lattice` describes eps, tolerance, checkpoint, max_detour
+    and clock.
     """
 
     def __post_init__(self) -> None:

@@ -27,7 +27,7 @@ from hpop.planners.needs import people_move
 from hpop.planners.objectives import Objectives
 from hpop.planners.searches.fixed_stops import ENDS, FixedStops, Fronts, TourPaths, chosen_states, stages_of
 from hpop.planners.spending import Exhausted, Limits, Spending
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from hpop.search import ParetoPaths, SearchStats
 
 if TYPE_CHECKING:

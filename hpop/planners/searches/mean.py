@@ -23,7 +23,7 @@ from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble
 from hpop.planners.graphs.query import MAX_COSTS, Query
 from hpop.planners.objectives import Objectives, edge_objectives, integral_of
 from hpop.planners.spending import Exhausted, Spending
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph, capped_mean_paths, pareto_paths
 
 DetourSpec: TypeAlias = float | Mapping[str, float]

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray, numbered
 from hpop.runtime.compiled import lean
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.group_bounds import UNREACHABLE as UNREACHABLE
 from hpop.search.machinery.group_bounds import GroupSearches, can_be_packed, in_graph_numbers, memory_of_group_searches

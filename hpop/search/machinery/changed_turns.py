@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray, numbered
 from hpop.runtime.compiled import lean
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turn_costs import (

@@ -37,7 +37,7 @@ from hpop.base.files import check_replaceable, replacing
 from hpop.base.options import MOST, set_reals
 from hpop.base.text import shown
 from hpop.errors import HpopWarning, OptionError, OutputError
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import machinery
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import is_cached
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.search.machinery import beside
 from hpop.search.machinery.kernels import is_ready, make_ready
 from hpop.search.machinery.labels import Labels, Nodes, Unsound, check_order, checksum_of_labels

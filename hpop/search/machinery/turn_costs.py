@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.compiled import kernel
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.slices import Clock
 

@@ -16,7 +16,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import whole
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import machinery, mean
 from hpop.search.graph import Graph
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper

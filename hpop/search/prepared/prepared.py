@@ -23,7 +23,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import MOST, real
 from hpop.frontier import is_nondominated
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search.choice import choose_method, choose_order
 from hpop.search.graph import Graph
 from hpop.search.machinery.approximation import Precision

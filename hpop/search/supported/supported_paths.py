@@ -15,7 +15,7 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep
 from hpop.search import machinery, supported
 from hpop.search.graph import Graph

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds, put_on_pile, sort_arcs_by_head, take_from_pile
 from hpop.search.machinery.slices import Clock

@@ -29,7 +29,7 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.base.options import whole
 from hpop.base.text import shown
 from hpop.errors import GraphError
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
 from hpop.search.networks import MAX_SUM
 from hpop.search.queries import SearchStats

@@ -18,7 +18,7 @@ from hpop.base.options import MOST, MOST_COUNTED, real, whole
 from hpop.base.text import shown
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import is_nondominated
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search.machinery.approximation import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import proven_gap

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.machinery.slices import (
     CLOSED,

@@ -13,7 +13,7 @@ from hpop.base.arrays import IntArray
 from hpop.base.text import shown
 from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import machinery, timed
 from hpop.search.machinery.approximation import ANYTHING, Precision
 from hpop.search.queries import (

@@ -29,7 +29,7 @@ from hpop.frontier.union import JOINT
 from hpop.problems.front import Front
 from hpop.problems.named_rows import stop_visits, visit_order
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.view.explorer import along
 from hpop.view.explorer.along import MILLIMETRES, Packer, corners, millimetres
 from hpop.view.ground import View, view_of

@@ -27,7 +27,7 @@ from hpop.problems.front import Front
 from hpop.problems.named_rows import named_rows
 from hpop.problems.problem import Problem
 from hpop.runtime.interrupts import interrupts_held
-from hpop.runtime.status import Progress, ProgressCallback, progress_callback
+from hpop.runtime.limits import Progress, ProgressCallback, progress_callback
 from hpop.trajectories.trajectory import Trajectory
 from hpop.view.ride.equirect import WIDTH, camera_at, checked_width, draw_at, executed, mark_spherical, panorama, png
 from hpop.view.ride.scene import VERSION

@@ -26,7 +26,7 @@ from hpop.planners.base import make_planner
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.verify import verify
 from hpop.runtime import compiled
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.scenario import Scenario, load_scenario
 from hpop.search import Graph, pareto_paths
 from targets import allowed

@@ -13,7 +13,7 @@ from verdicts import asked, shown, verdict
 
 import hpop
 from hpop.problems.verify import verify
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery.checkpoint import CHECKSUM, LENGTH, MAGIC
 from hpop.world import Box, Cylinder, Hull, Solid, pose_at

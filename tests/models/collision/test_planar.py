@@ -11,7 +11,7 @@ from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
 from hpop.planners.spending import Spending
 from hpop.runtime import limits
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.world import World
 
 L_SHAPE = ((0.5, 0.2), (-0.2, 0.2), (-0.2, -0.6), (0.1, -0.6), (0.1, -0.2), (0.5, -0.2))

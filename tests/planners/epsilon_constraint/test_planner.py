@@ -23,7 +23,7 @@ from hpop.planners import EpsilonConstraint, Lattice
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.runtime.sweep import processes
 from hpop.world import World
 
@@ -286,7 +286,7 @@ def test_warm_starts_that_are_not_all_are_said(monkeypatch):
 
 def test_time_that_runs_out_is_said(monkeypatch):
     clock = iter(range(100_000))
-    monkeypatch.setattr("hpop.runtime.status.time.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.runtime.limits.time.perf_counter", lambda: float(next(clock)))
     candidates = EpsilonConstraint(step=1.0, time_limit=15.0).solve(PAPER)
     assert candidates.status is Status.TIME_LIMIT
     assert any(note.startswith("time limit") for note in candidates.notes)

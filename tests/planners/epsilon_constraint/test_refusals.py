@@ -12,7 +12,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Lattice, make_planner
 from hpop.planners.programs.epsilon_constraint.grid import least_length
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -14,20 +14,18 @@ from hpop.base.math import wrap
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import States
+from hpop.planners.graph_planners import Lattice, Roadmap, WeightedSum
 from hpop.planners.graphs.joined_ends import with_ends
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
 from hpop.planners.graphs.query import Query
-from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap import Roadmap
 from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
-from hpop.planners.weighted_sum import WeightedSum
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import pareto_paths
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups

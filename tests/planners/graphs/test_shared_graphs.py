@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.world import Person, World
 from tests.watched import watched
 

@@ -10,8 +10,7 @@ from hpop.base.math import wrap
 from hpop.criteria import Exposure, Length, Turns, make_criterion
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import AnyAngle, Lattice
-from hpop.planners.roadmap import Roadmap
+from hpop.planners.graph_planners import AnyAngle, Lattice, Roadmap
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free
 from hpop.world import World

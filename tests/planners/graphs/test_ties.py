@@ -8,11 +8,11 @@ import pytest
 import shapely
 
 import hpop
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.arcs import COPIED, TIE_TURNS, graph_with_tie_break
 from hpop.planners.graphs.query import Query
-from hpop.planners.lattice import Lattice
 from hpop.planners.spending import Exhausted, Spending
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 
 WORLD = hpop.World.from_polygons([shapely.box(3, 0, 3.5, 3)], extent=shapely.box(0, 0, 8, 6))
 ROUND = hpop.DifferentialDrive(radius=0.3)

@@ -11,7 +11,7 @@ import shapely
 from hpop import DifferentialDrive, Problem, World
 from hpop.errors import OptionError, OutputError
 from hpop.planners import Lattice
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 
 ROOM = World.from_polygons(
     [shapely.box(3, 0, 3.4, 3.6), shapely.box(6, 1.6, 6.4, 6), shapely.box(4.5, 4.2, 5, 5)],

@@ -11,7 +11,7 @@ import shapely
 from hpop.criteria import Exposure, Length, Obstruction
 from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.problem import Problem
 from hpop.world import World

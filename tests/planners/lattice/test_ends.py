@@ -8,9 +8,9 @@ import shapely
 
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -14,7 +14,7 @@ import hpop
 from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError
 from hpop.motions import Motions, States
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.verify import verify
 from hpop.trajectories.trajectory import Trajectory

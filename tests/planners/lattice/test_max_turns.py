@@ -10,7 +10,7 @@ import shapely
 from hpop import DifferentialDrive, Problem, World
 from hpop.errors import OptionError
 from hpop.planners import Lattice
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 ROOM = World.from_polygons(
     [shapely.box(3, 0, 3.4, 3.6), shapely.box(6, 1.6, 6.4, 6), shapely.box(4.5, 4.2, 5, 5)],

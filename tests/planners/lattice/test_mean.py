@@ -17,10 +17,10 @@ from hpop.criteria.base import criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.models import DifferentialDrive, PanTilt
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 
 STEP = 0.5

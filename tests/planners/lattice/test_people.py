@@ -9,10 +9,9 @@ import shapely
 from hpop.criteria.costs import trajectory_cost
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
-from hpop.planners.weighted_sum import WeightedSum
+from hpop.planners.graph_planners import Lattice, WeightedSum
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 from hpop.world.content.content import Person
 

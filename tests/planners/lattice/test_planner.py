@@ -11,11 +11,11 @@ from hpop.criteria import make_criterion, motion_costs
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import Motions, States
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

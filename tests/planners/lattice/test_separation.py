@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.problem import Problem
 from hpop.world import World
 

@@ -17,17 +17,17 @@ from hpop.base.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners.base import Candidates, Planner, joined, make_planner
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.loops import DIAGONAL, STRAIGHT, cells_near_shortest_paths
 from hpop.planners.graphs.query import Query
 from hpop.planners.judgement import judge
-from hpop.planners.lattice import Lattice
 from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 
 WALLS = [shapely.box(2, 0, 2.3, 3.2), shapely.box(4.4, 1.6, 4.8, 5), shapely.box(3, 3.8, 3.4, 4.2)]
 EXTENT = shapely.box(0, 0, 7, 5)

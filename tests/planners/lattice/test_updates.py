@@ -12,7 +12,7 @@ import shapely
 import hpop
 from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.objectives import edge_objectives
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import Graph
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups

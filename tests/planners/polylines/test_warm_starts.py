@@ -10,7 +10,7 @@ import hpop
 from hpop.errors import OptionError
 from hpop.planners import RRT, EpsilonConstraint, Lattice, Roadmap, Smoothing, WeightedSumCorridor
 from hpop.planners.programs.warm_starts import warm_planner
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 
 STARTING = [EpsilonConstraint, Smoothing, WeightedSumCorridor]
 SHARED = {"step": 0.5, "headings": 16}

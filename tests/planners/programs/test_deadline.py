@@ -21,8 +21,7 @@ from hpop.planners.programs.polyline import Polyline
 from hpop.planners.programs.smoothing.job import SmoothingJob
 from hpop.planners.programs.smoothing.program import DrivenProgram
 from hpop.planners.programs.smoothing.separable import Separable
-from hpop.runtime.limits import LimitPassed, within
-from hpop.runtime.status import Status, Watch
+from hpop.runtime.limits import LimitPassed, Status, Watch, within
 from hpop.world.fields.symbols import Quadratics
 
 WORLD = hpop.World.from_polygons([shapely.box(2.9, 1.2, 3.3, 3.0)], extent=shapely.box(0, 0, 6, 5))

@@ -10,7 +10,7 @@ from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Smoothing
 from hpop.planners.programs._stop import Stop
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 from hpop.world.fields.symbols import Quadratics
 

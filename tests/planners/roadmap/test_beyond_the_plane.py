@@ -23,7 +23,7 @@ from hpop.planners.graphs.roadmap.links import in_informed_set, nearest_in_rando
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import pareto_paths, supported_paths
 from tests.joints import Balls, Joints, Sway, problem
 from tests.planners.roadmap.test_configurations import BASE, HEAD

@@ -25,7 +25,7 @@ from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap
 from hpop.planners.graphs.roadmap.links import nearest
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.content.content import Person
 

@@ -10,7 +10,7 @@ from hpop.planners import Roadmap
 from hpop.planners.graphs.roadmap import family as roadmap_planner
 from hpop.planners.spending import Exhausted
 from hpop.problems.verify import verify
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from tests.joints import Joints, problem
 
 

@@ -12,15 +12,15 @@ from hpop.base.math import wrap
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError, UnsupportedCriterion
 from hpop.models import DifferentialDrive
+from hpop.planners.graph_planners import Roadmap
 from hpop.planners.graphs import arcs
 from hpop.planners.graphs.roadmap.headings import StateRoadmap
 from hpop.planners.judgement import Judgement, judge
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap import Roadmap
 from hpop.planners.spending import Spending
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import pareto_paths
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World

@@ -20,7 +20,7 @@ from hpop.planners.rrt_query import Base, TreeQuery, WheelLimits, close_gap
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.runtime.sweep import processes
 from hpop.world import World
 from hpop.world.content.content import Person
@@ -267,7 +267,7 @@ def test_time_that_is_up_before_a_run_is_finished_is_said():
 
 def test_time_that_runs_out_keeps_what_is_finished(monkeypatch):
     clock = iter(range(1000))
-    monkeypatch.setattr("hpop.runtime.status.time.perf_counter", lambda: float(next(clock)))
+    monkeypatch.setattr("hpop.runtime.limits.time.perf_counter", lambda: float(next(clock)))
     candidates = RRT(runs=8, seed=3, keep="all", time_limit=2.5).solve(PROBLEM)
     assert candidates.status is Status.TIME_LIMIT
     assert 0 < candidates.stats["runs"] < 8

@@ -13,7 +13,7 @@ from hpop.planners.programs.smoothing.planner import Smoothing
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import World
 
 ROBOT = DifferentialDrive(radius=0.25)

@@ -29,7 +29,7 @@ from hpop.planners.programs.smoothing.phases import FLAT, Phases
 from hpop.planners.programs.smoothing.planner import Smoothing
 from hpop.planners.programs.smoothing.program import DrivenProgram
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 

@@ -21,7 +21,7 @@ from hpop.criteria import trajectory_cost
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import QueryError
 from hpop.motions import States, laws_of
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

@@ -19,7 +19,7 @@ from hpop.planners.programs.spline.job import FRACTIONS, SplineJob
 from hpop.planners.programs.spline.knots import Knots, PieceCosts
 from hpop.planners.programs.spline.step import Aim, StepPrograms
 from hpop.planners.spending import Spending
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world.geometry.solids import Box, Solid
 

@@ -3,12 +3,10 @@
 import pytest
 
 from hpop.errors import OptionError, QueryError
+from hpop.planners.graph_planners import Lattice, Roadmap, WeightedSum
 from hpop.planners.graphs.lattice import family as planner
-from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap import Roadmap
-from hpop.planners.weighted_sum import WeightedSum
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person
 from tests.planners.timed.rooms_with_people import ROBOT, in_the_door, through_the_doors
 

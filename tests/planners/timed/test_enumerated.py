@@ -17,7 +17,7 @@ import shapely
 
 from hpop.errors import QueryError
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

@@ -11,8 +11,7 @@ from hpop.base.options import LEAST
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.models.execution import clearance_radius
 from hpop.motions import States
-from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap import Roadmap
+from hpop.planners.graph_planners import Lattice, Roadmap
 from hpop.problems.problem import Problem
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person, World

@@ -7,10 +7,10 @@ import shapely
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import OptionError, QueryError
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import (
     EVEN,

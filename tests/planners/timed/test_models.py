@@ -6,7 +6,7 @@ import shapely
 
 from hpop.base.registry import make_model
 from hpop.models import DifferentialDrive
-from hpop.planners.lattice import Lattice
+from hpop.planners.graph_planners import Lattice
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
 from hpop.world import Future, Person, World

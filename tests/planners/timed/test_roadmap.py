@@ -5,13 +5,12 @@ import pytest
 import shapely
 
 from hpop.criteria.costs import trajectory_costs
+from hpop.planners.graph_planners import Lattice, Roadmap
 from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import TimedArcs
 from hpop.planners.graphs.timed.presence import reading_time
-from hpop.planners.lattice import Lattice
-from hpop.planners.roadmap import Roadmap
 from hpop.problems.problem import Problem
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.world import Person, World
 from tests.planners.timed.rooms_with_people import ROBOT, gaps, in_the_door, through_the_doors
 

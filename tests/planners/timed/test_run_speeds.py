@@ -24,7 +24,7 @@ from hpop.planners import Lattice
 from hpop.planners.graphs.run_speeds import run_speed_graph
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 from tests.planners.timed.rooms_with_people import GridRobot, Motion, State

@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import dijkstra
 from hpop.criteria.costs import motion_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import HOLD, Motions, States
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.legs import motions_of
-from hpop.planners.lattice import Lattice
 from hpop.world import Future, Person, Track
 from tests.planners.timed.rooms_with_people import ROBOT, through_the_doors
 from tests.planners.timed.seen import SeenFromTheCamera

@@ -18,9 +18,9 @@ import shapely
 import hpop
 from hpop.errors import QueryError
 from hpop.motions import States
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.tour import TourGraph
-from hpop.planners.lattice import Lattice
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem

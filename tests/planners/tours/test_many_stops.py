@@ -20,15 +20,15 @@ import hpop
 from hpop.criteria.visits import visits_of
 from hpop.errors import HpopError, OptionError, QueryError
 from hpop.planners.base import Candidates, PlannerSpec
+from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.tour import TourGraph
-from hpop.planners.lattice import Lattice
 from hpop.planners.searches import fixed_stops, many_stops
 from hpop.planners.searches.fixed_stops import FixedStops, stages_of
 from hpop.planners.searches.many_stops import cover, in_order_of_shortest
 from hpop.planners.spending import Limits
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Progress, Status
+from hpop.runtime.limits import Progress, Status
 from hpop.trajectories.trajectory import Trajectory
 from tests.planners.tours.test_enumerated import CRITERIA, SIZE, add, drawn, kept, label_setting, of_hold, orders
 from tests.planners.tours.test_tours import EAST, LATTICE, NORTH, ROBOT, SEEN, WORLD, problem, sampled_visits

@@ -7,9 +7,9 @@ import pytest
 
 import hpop
 from hpop.errors import QueryError
+from hpop.planners.graph_planners import Roadmap
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.roadmap import Roadmap
 from hpop.search import Graph, pareto_paths
 from tests.planners.tours.test_enumerated import CRITERIA, drawn
 

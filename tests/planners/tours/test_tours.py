@@ -178,7 +178,7 @@ def test_a_checkpoint_of_a_tour_resumes(tmp_path: Path) -> None:
 
 
 def test_closed_arcs_are_closed_in_every_layer() -> None:
-    from hpop.planners.lattice import Lattice
+    from hpop.planners.graph_planners import Lattice
     from hpop.planners.spending import Limits
 
     query = Lattice(step=0.5).query(problem([EAST]))

@@ -22,7 +22,7 @@ from hpop.planners.programs.corridor.weights import GAP, SMALL, Shared, solve_co
 from hpop.planners.programs.polyline import Polyline
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify
-from hpop.runtime.status import Status, Watch
+from hpop.runtime.limits import Status, Watch
 from hpop.runtime.sweep import processes
 from hpop.world import World
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import GraphError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.general.search import General
 from hpop.search.networks import MAX_SUM

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hpop.base.arrays import IntArray
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.general.search import General
 from hpop.search.machinery.bounds import lower_bounds

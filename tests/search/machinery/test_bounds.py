@@ -5,7 +5,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.group_bounds import can_be_packed

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, capped_mean_paths, pareto_paths
 from hpop.search.machinery import slices as in_slices
 from hpop.search.staircase.search import Staircase

@@ -15,7 +15,7 @@ import pytest
 
 import hpop.search.machinery.checkpoint as module
 from hpop.errors import OptionError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, choice, pareto_paths
 from hpop.search.machinery.checkpoint import SHARE, Checkpoint, CheckpointError, Keeper
 

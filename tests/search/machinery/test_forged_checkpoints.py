@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hpop.base.arrays import IntArray
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, capped_mean_paths, pareto_paths
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
 from tests.walks import check_walks
 

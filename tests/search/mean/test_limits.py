@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph, MeanPaths, capped_mean_paths, pareto_paths
 
 S, T = 0, 1  # columns of the integral and the duration in all graphs here

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import Graph, capped_mean_paths
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import N_OPEN, Clock

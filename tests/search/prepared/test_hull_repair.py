@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, Prepared, pareto_paths
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.slices import DeadlineClock

@@ -11,7 +11,7 @@ import pytest
 
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.errors import GraphError, QueryError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import Clock

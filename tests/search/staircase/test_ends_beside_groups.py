@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.search import Graph, pareto_paths
 from hpop.search.machinery import slices
 from hpop.search.machinery.slices import Clock

@@ -9,8 +9,8 @@ import pytest
 
 import hpop
 from hpop.base.arrays import IntArray
-from hpop.planners.lattice import Lattice
-from hpop.runtime.status import Budget
+from hpop.planners.graph_planners import Lattice
+from hpop.runtime.limits import Budget
 from hpop.search import Graph, pareto_paths
 from hpop.search.prepared import Prepared
 

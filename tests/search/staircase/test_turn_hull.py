@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
 from hpop.search.machinery import slices
 from hpop.search.machinery.approximation import Precision, thin_front

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hpop.base.arrays import BoolArray, IntArray
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
 
 FEW, MANY = 20, 10**6  # values of a cost: with few of them many paths tie

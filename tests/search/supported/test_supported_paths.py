@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hpop.errors import GraphError, OptionError
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.runtime.sweep import _load_mapped
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
 from hpop.search.supported.weighted_path import encoded, weighted_path

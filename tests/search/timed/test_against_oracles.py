@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Status
+from hpop.runtime.limits import Status
 from hpop.search import Graph
 from hpop.search.timed import bounds, timed_paths
 from hpop.search.timed.graph import TimedGraph

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search.machinery.checkpoint import CheckpointError, Saved
 from hpop.search.timed import TimedGraph, timed_paths
 from hpop.search.timed.solutions import ARCS, LEAVES

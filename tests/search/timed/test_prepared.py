@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hpop.errors import GraphError, QueryError
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.timed.prepared import PreparedTimed, TimedPath

@@ -7,7 +7,7 @@ from importlib import import_module
 import numpy as np
 import pytest
 
-from hpop.runtime.status import Budget, Progress, Status
+from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search.machinery import slices
 from hpop.search.timed import TimedPaths, bounds, search, timed_paths
 from tests.search.timed.enumeration import front_by_enumeration

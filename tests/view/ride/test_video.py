@@ -17,7 +17,7 @@ from PIL import Image
 
 import hpop
 from hpop.errors import OptionError, OutputError, QueryError
-from hpop.runtime.status import Progress
+from hpop.runtime.limits import Progress
 from hpop.view import render_360, save_frames, save_video
 from hpop.view.ride.video import Clip
 from hpop.world.content.content import Landmark, Person

@@ -264,7 +264,7 @@ def test_fronts_carry_how_predictions_end():
     problem = problem_with(Person(1.0, 7.0, velocity=(1.0, 0.0), name="Ada"), horizon=4.0)
     trajectory = hpop.Trajectory.from_poses(problem.model, [(1, 1, 0), (5, 1, 0)])
     from hpop.planners.base import Candidates
-    from hpop.runtime.status import Status
+    from hpop.runtime.limits import Status
 
     costs = np.array([list(problem.evaluate(trajectory).values())])
     candidates = Candidates(

@@ -17,7 +17,7 @@ from hpop.cli import main
 from hpop.errors import LimitError
 from hpop.planners.spending import Spending
 from hpop.runtime import limits
-from hpop.runtime.status import Budget
+from hpop.runtime.limits import Budget
 from hpop.scenario import load_scenario
 from hpop.world import World
 from hpop.world.readers import geojson_content

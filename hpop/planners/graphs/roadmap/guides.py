@@ -16,7 +16,7 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.motions import Motions, States, StateSpace
-from hpop.motions.collision import collision_of
+from hpop.motions.bodies import collision_of
 from hpop.planners.graphs.arcs import REACHED
 from hpop.planners.spending import Spending
 

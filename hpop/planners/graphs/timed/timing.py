@@ -24,8 +24,7 @@ from hpop.planners.graphs.timed.safety import Start
 from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
 from hpop.planners.objectives import Objectives
 from hpop.planners.spending import Limits
-from hpop.runtime.limits import within
-from hpop.runtime.status import Budget, Status
+from hpop.runtime.limits import Budget, Status, within
 from hpop.search import pareto_paths
 from hpop.search.timed.graph import TimedPaths
 from hpop.search.timed.timed_paths import timed_paths

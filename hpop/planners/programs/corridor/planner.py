@@ -18,6 +18,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.errors import UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
+from hpop.planners.graph_planners import Weights, check_count, checked_weights
 from hpop.planners.judgement import trusted
 from hpop.planners.needs import in_plane
 from hpop.planners.objectives import Objectives, edge_objectives
@@ -27,9 +28,7 @@ from hpop.planners.programs.corridor.weights import SMALL, CorridorPoints, Share
 from hpop.planners.programs.nlp import is_counted
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, warm_starts
-from hpop.planners.weighted_sum import Weights, check_count, checked_weights
-from hpop.runtime.limits import LimitPassed
-from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.limits import Budget, LimitPassed, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 from hpop.search.supported.weights import checked_divisions, simplex_lattice
 

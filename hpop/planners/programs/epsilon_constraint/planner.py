@@ -25,7 +25,7 @@ from hpop.planners.programs.nlp import require_ipopt
 from hpop.planners.programs.outcome import CUT_SHORT, Deadline, Outcome, Tally
 from hpop.planners.programs.tour_legs import improved_tours, refuse_bounds
 from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
-from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.limits import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from hpop.planners.programs.smoothing.job import LATE, SmoothingJob
 from hpop.planners.programs.smoothing.phases import FLAT
 from hpop.planners.programs.tour_legs import improved_tours
 from hpop.planners.programs.warm_starts import WarmStart, check_warm_start, warm_starts
-from hpop.runtime.status import Budget, ProgressCallback, Status, Watch
+from hpop.runtime.limits import Budget, ProgressCallback, Status, Watch
 from hpop.runtime.sweep import Sweep
 
 if TYPE_CHECKING:

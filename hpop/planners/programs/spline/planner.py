@@ -27,7 +27,7 @@ from hpop.planners.programs.spline.knots import PieceCosts
 from hpop.planners.programs.tour_legs import improved_tours
 from hpop.planners.programs.warm_starts import WarmStart, WarmStarts, check_warm_start, known_trajectories
 from hpop.planners.spending import Spending
-from hpop.runtime.status import Budget, Progress, ProgressCallback, Status
+from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.runtime.sweep import Sweep
 
 if TYPE_CHECKING:

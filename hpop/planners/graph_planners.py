@@ -1,4 +1,4 @@
-"""Weighted-sum planner: for each vector of weights, the path of a graph with the smallest weighted sum of costs."""
+"""Planners on graphs: lattice, any-angle, roadmap, and a weighted sum of costs for each vector of weights."""
 
 from __future__ import annotations
 
@@ -9,23 +9,138 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from hpop.base.options import MaybeRNG
 from hpop.base.text import set_python_values, shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.planners.base import Candidates, planner
 from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, checked_edges_text
+from hpop.planners.graphs.corners import CornersGraph
 from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
 from hpop.planners.graphs.lattice.family import LatticeGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_unanswerable
+from hpop.planners.graphs.roadmap.family import RoadmapGraph
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.searches.exact import QUICK, SHARE
+from hpop.planners.searches.exact import QUICK, SHARE, ExactSearch
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
-from hpop.runtime.status import Budget, ProgressCallback, Status
+from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import supported_paths
 from hpop.search.supported.weights import checked_divisions, integer_weights
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
+
+
+@planner("lattice")
+@dataclass(frozen=True)
+class Lattice(ExactSearch, LatticeGraph):
+    """All non-dominated paths of an SE(2) lattice (Becerra et al. 2020), found by exact multi-objective search.
+
+    Accepts at most six criteria that add up along edges or take the worst edge (sum, max). The integral replaces a
+    time-mean. Criteria with memory are not minimised, only evaluated on the trajectories found.
+
+    Guarantees that no path of the lattice is better in one cost and no worse in the others, with the cost of each edge
+    rounded to the criterion's quantum. Without the rounding, every optimal cost vector is met within one quantum for
+    each edge of the path. A start or goal that is no state of the lattice is connected to all positions within 1.5
+    steps that the robot reaches by turning, going straight and turning (:mod:`.joined_ends`).
+
+    With ``eps`` or ``tolerance``, the search returns fewer points and does less work. For every optimal cost vector p,
+    a returned vector is at most (1 + eps) p + tolerance; it need not be optimal itself. If a search is stopped early,
+    its certificate says how much better the missing points may be.
+
+    A ``checkpoint`` is written at intervals, and when the search stops. After Ctrl-C, a limit or kill -9, plan the same
+    problem with the same file again: the search continues there and reaches the same front
+    (:func:`hpop.search.pareto_paths`). Remove the file when the front is saved.
+
+    With ``max_detour``, one time-mean is itself a cost, beside at most four others. The front is exact among all walks
+    within that limit, including walks with loops (:func:`hpop.search.capped_mean_paths`). It cannot be merged with
+    fronts that use the integral instead. The search time grows steeply with the limit. A limit on the length needs
+    ``max_turns`` too, with length and turns as criteria: turning in place adds no length, so a path could otherwise
+    spend unlimited time where the mean is low.
+
+    Among moving people (:mod:`hpop.planners.graphs.timed`), costs and collisions depend on time. Each motion then lasts
+    a whole number of clock ticks, and the robot may wait at every position. If people move as predicted, the front is
+    exact on that clock: no path with waits on the lattice is better in one cost and no worse in the others. The robot
+    keeps the distance ``margin`` from people even if it is 0.2 s early or late. If a prediction is uncertain, the
+    probability that any person comes nearer is at most 5 % at any moment. Planned and re-evaluated costs differ by no
+    more than the stated tolerance, and the certificate gives the largest difference between planned times and the
+    clock. ``max_detour`` needs a world without moving people.
+    """
+
+    def __post_init__(self) -> None:
+        LatticeGraph.__post_init__(self)
+        ExactSearch.__post_init__(self)
+
+
+@planner("any-angle")
+@dataclass(frozen=True)
+class AnyAngle(ExactSearch, CornersGraph):
+    """All non-dominated paths, at any angles, between the corners of the lattice's non-dominated paths.
+
+    Becerra et al. 2020 (arXiv 2002.10696) leave angles other than multiples of 45 degrees for future work. This planner
+    first searches the lattice. The corners of the non-dominated paths found there are the positions at which a path
+    turns, and the positions at which it still bends when it is shortened like a taut string. Start, goal and corners
+    become a roadmap, with a link wherever the robot can go straight, as in a visibility graph (Lozano-Perez and Wesley
+    1979, doi 10.1145/359156.359164). The exact search then runs on this roadmap. The roadmap contains every lattice
+    path of that front, its shortened version, and all their recombinations.
+
+    Accepts the criteria of the lattice. Guarantees that no path of the roadmap is better in one cost and no worse in
+    the others, with the cost of each edge rounded to the criterion's quantum. So if all corners are used and start and
+    goal are on the lattice, no lattice path is better by more than the rounding. If corners are left out, a lattice
+    path that turns there may be better. If start or goal is not on the lattice, a lattice path may be better because it
+    makes a turn of less than a degree on the way to the goal, which no path of the roadmap does.
+
+    Corners are positions of the lattice, so a smaller step still gives shorter paths. The roadmap has one state for
+    each heading of each link, and one turn for each pair of headings at a position. So time and memory grow with the
+    square of the number of links.
+    """
+
+    def __post_init__(self) -> None:
+        CornersGraph.__post_init__(self)
+        ExactSearch.__post_init__(self)
+
+
+@planner("roadmap")
+@dataclass(frozen=True)
+class Roadmap(ExactSearch, RoadmapGraph):
+    """All non-dominated paths of a probabilistic roadmap (Kavraki et al. 1996), found by exact multi-objective search.
+
+    The model decides which of two kinds of roadmap is built:
+
+    - For a robot with states x, y and yaw that turns in place and moves straight, samples are positions and links are
+      straight moves without a collision. The robot turns in place from one link to the next if there is room. Headings
+      that differ by less than a degree count as one (:mod:`.headings`).
+    - For any other model, and for a goal that is not a list of states, samples are configurations, and links are the
+      chains of motions by which the model connects them (:meth:`hpop.motions.Model.connect`). The model's space
+      defines which configurations are nearest (:mod:`.configurations`).
+
+    Start and goal are exact, with any headings, and are linked to each other as well.
+
+    Default options differ between robots in the plane (models that provide ``plane``) and others. In the plane, uniform
+    samples suffice, and checking all edges in advance is faster than searching several times. In other spaces, such as
+    the joints of an arm, few uniform samples lie on useful paths, paths along nearest samples have many stops, and
+    collision checks take most of the time. There the roadmap adds guides (configurations along quickly found paths) and
+    long links, and an edge is checked only when a path of a front uses it (:mod:`hpop.search.lazy_paths`).
+
+    Accepts at most six criteria that add up along edges or take the worst edge (sum, max). The integral replaces a
+    time-mean. Criteria with memory are not minimised, only evaluated on the trajectories found. Guarantees that no path
+    of this roadmap, which its options and seed determine, is better in one cost and no worse in the others, with the
+    cost of each edge rounded to the criterion's quantum. Links follow the rule of k-nearest PRM*: with more samples,
+    the shortest path of the roadmap approaches the shortest path of all (Karaman and Frazzoli 2011, doi
+    10.1177/0278364911406761). The planner states no bound on the difference.
+
+    Among moving people, a roadmap of positions has a clock, as the lattice has
+    (:class:`hpop.planners.graph_planners.Lattice`), and the robot can wait at positions.
+
+    A roadmap of positions has one state for each heading of each link, and one turn for each pair of headings at a
+    position. For a robot that is not round and has little room, each turn needs its own collision check; this takes
+    most of the time.
+    """
+
+    def __post_init__(self, rng: MaybeRNG) -> None:
+        RoadmapGraph.__post_init__(self, rng)
+        ExactSearch.__post_init__(self)
+
 
 Weights = tuple[tuple[float, ...], ...]
 
