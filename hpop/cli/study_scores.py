@@ -53,7 +53,7 @@ def score(folder: Path) -> None:
     "named",
     default="ssq.total",
     metavar="FORM.SCORE",
-    help="Score to test, such as comfort.comfort. [ssq.total]",
+    help="Score to test, such as comfort.comfort, or a measure of a task, such as tasks.reaction_median. [ssq.total]",
 )
 @click.option(
     "--method",
@@ -217,12 +217,13 @@ def _print_scores(answers: Answers) -> None:
     table = cli.report.plain_table()
     for name in ("form", "score", "before", *answers.design.letters):
         table.add_column(name, justify="left" if name in ("form", "score") else "right")
-    for form in (form for form in answers.design.questionnaires if form.kind == "ratings"):
-        for name in form.score_names:
-            matrix = answers.matrix(form.id, name)
-            columns = [answers.before(form.id, name), *matrix.values.T]
-            present = [column[~np.isnan(column)] for column in columns]
-            cells = [f"{np.median(column):.2f} (n {column.size})" if column.size else "-" for column in present]
-            table.add_row(form.id, name, *cells)
+    rated = [form for form in answers.design.questionnaires if form.kind == "ratings"]
+    scores = [(form.id, name) for form in rated for name in form.score_names]
+    scores += [("tasks", name) for name in hpop.study.tasks.task_scores(answers.design)]
+    for form, name in scores:
+        columns = [answers.before(form, name), *answers.matrix(form, name).values.T]
+        present = [column[~np.isnan(column)] for column in columns]
+        cells = [f"{np.median(column):.2f} (n {column.size})" if column.size else "-" for column in present]
+        table.add_row(form, name, *cells)
     echo("Medians")
     cli.report.print_wide(Console(), table)

@@ -25,9 +25,11 @@ from hpop.study.conditions import unlike
 from hpop.study.design import Design
 from hpop.study.forms import Form, Item
 from hpop.study.participants import Participant
+from hpop.study.protocol import MEASURED
 from hpop.study.results import BEFORE, Method, Row, choice_tables, score_tables, stimuli_table
 from hpop.study.session import Session, SessionEvent, asked_at, questions_of, standing_after
 from hpop.study.statistics.scores import CORRECTIONS, LEAST_STIMULI, Correction
+from hpop.study.tasks import Variable, variable
 
 if TYPE_CHECKING:
     import os
@@ -87,13 +89,13 @@ CHOICES = (
 )
 
 
-def planned(design: Design, form: str, method: Method, correction: Correction) -> dict[str, str]:
+def planned(design: Design, score: Variable, method: Method, correction: Correction) -> dict[str, str]:
     """Return the decisions of an analysis that can be made before any answer, as text, by topic."""
     made = dict({"default": DEFAULT, "paper": PAPER, "mixed": MIXED}[method])
     if method == "default" and len(design.letters) < LEAST_STIMULI:
         made["Test of all stimuli"] = "none: two stimuli are one pair"
     made |= {
-        "Questionnaire": _form_source(design.form(form)),
+        **_source(score),
         "Correction": f"{correction.title()}, within each table of comparisons. The column p and the intervals are "
         "not corrected: an interval corresponds to p, and may exclude 0, or a ratio of 1, although the adjusted p is "
         "above .05",
@@ -126,10 +128,16 @@ def decisions(answers: Answers, matrix: Matrix, plan: Mapping[str, str], notes: 
     }
 
 
-def _form_source(form: Form) -> str:
-    """Return the source of a questionnaire, and when in the session it is asked."""
+def _source(score: Variable) -> dict[str, str]:
+    """Return the source of a questionnaire, and when in the session it is asked; or the task of a measure."""
+    if score.form == MEASURED:
+        return {
+            "Measure": f"{score.title}. {score.source}, during each stimulus. Of a stimulus that was shown again, the "
+            "last showing counts; of one that the participant stopped, the part until then. Without a record of the "
+            "task, the score is missing"
+        }
     when = {"before": "before the first stimulus", "after_each": "once after each", "after_all": "after all"}
-    return f"{' '.join(form.source.split())}. Asked {', '.join(when[one] for one in form.when)}"
+    return {"Questionnaire": f"{score.source}. Asked {', '.join(when[one] for one in score.when)}"}
 
 
 def _orders(design: Design) -> str:
@@ -154,8 +162,8 @@ class Analysis:
     """Tables of a study's analysis, made by :func:`analyse`.
 
     method      "default", "paper" or "mixed"
-    form        id of the questionnaire of the analysed score
-    score       name of the analysed score
+    form        id of the questionnaire of the analysed score; "tasks" for a measure of a task
+    score       name of the analysed score or measure
     correction  of the p values of several comparisons: "holm", "bonferroni" or "none"
     tables      rows by the name of the table: "stimuli", "scores", "test", "factors", "pairs", "against before",
                 "places", "carry-over", "stimulus before", "balance", "choices", "favourites", "strengths", "live"; only
@@ -178,9 +186,14 @@ class Analysis:
         return self.answers.matrix(self.form, self.score)
 
     @property
+    def variable(self) -> Variable:
+        """Return what is analysed: its title, source, better end, and when it was obtained."""
+        return variable(self.design, self.form, self.score)
+
+    @property
     def before(self) -> FloatArray | None:
         """Return the scores (n,) before the first stimulus, or None if the questionnaire was not asked then."""
-        asked = BEFORE in self.design.form(self.form).when
+        asked = BEFORE in self.variable.when
         return self.answers.before(self.form, self.score) if asked else None
 
     @property
@@ -221,25 +234,27 @@ def analyse(
     score: tuple[str, str] = ("ssq", "total"),
     correction: Correction | None = None,
 ) -> Analysis:
-    """Analyse a study: test a score that is asked after each stimulus, and the choices between pairs.
+    """Analyse a study: test a score of each stimulus, and the choices between pairs.
 
     method      "default": Friedman's test and Kendall's W, then Wilcoxon's of each pair (Pratt's zeros, exact);
                 "paper": Kruskal and Wallis' test and Dunn's comparisons; and, against the answers before the first
                 stimulus, Wilcoxon's test by its normal approximation, zeros left out;
                 "mixed": an ordinal mixed model of stimuli, places and the stimulus before (carry-over)
-    score       form and name of a score, or of an item
+    score       form and name of a score, or of an item, asked after each stimulus; or "tasks" and the name of a measure
+                of a task, such as ("tasks", "reaction_median")
     correction  of the comparisons of one table: "holm", "bonferroni" or "none"; by default "holm", or with the method
                 "paper" "bonferroni"
 
     Tables that need more answers are left out, with the reason in the result's ``choices`` (decisions). Raises
     StudyError for a form that is not asked after each stimulus, and without answers.
     """
-    form, name, chosen = checked_question(design, method, score, correction)
-    when = design.form(form).when
+    asked, chosen = checked_question(design, method, score, correction)
+    form, name = asked.form, asked.name
     matrix = answers.matrix(form, name)
     if np.isnan(matrix.values).all():
-        raise StudyError(f"no participant has all answers for the score {name} of form {form}; see `hpop study check`")
-    before = answers.before(form, name) if BEFORE in when else None
+        what = f"measure {name}" if form == MEASURED else f"score {name} of form {form}"
+        raise StudyError(f"no participant has all answers for the {what}; see `hpop study check`")
+    before = answers.before(form, name) if BEFORE in asked.when else None
     tables, notes = score_tables(design, matrix, before, method, chosen)
     chosen_of_pairs, lacking = choice_tables(design, answers)
     live = {"live": answers.live} if answers.live else {}
@@ -251,26 +266,27 @@ def analyse(
         score=name,
         correction=chosen,
         tables={"stimuli": stimuli_table(design)} | tables | chosen_of_pairs | live,
-        choices=decisions(answers, matrix, planned(design, form, method, chosen), [*notes, *lacking]),
+        choices=decisions(answers, matrix, planned(design, asked, method, chosen), [*notes, *lacking]),
     )
 
 
 def checked_question(
     design: Design, method: Method, score: tuple[str, str], correction: Correction | None
-) -> tuple[str, str, Correction]:
-    """Return form, score and correction of an analysis; StudyError if they do not fit the design."""
+) -> tuple[Variable, Correction]:
+    """Return what an analysis compares, and its correction; StudyError if they do not fit the design."""
     one_of("method", method, METHODS, error=StudyError)
     chosen: Correction = correction or ("bonferroni" if method == "paper" else "holm")
     one_of("correction", chosen, CORRECTIONS, error=StudyError)
     if isinstance(score, str) or len(score) != 2:
         raise StudyError(f"score must be a form and a name, such as ('ssq', 'total'), got {shown(score)}")
     form, name = score
-    if "after_each" not in design.form(form).when:
-        fitting = ", ".join(one.id for one in design.questionnaires if "after_each" in one.when) or "none of the study"
+    if form != MEASURED and "after_each" not in design.form(form).when:
+        asked = [one.id for one in design.questionnaires if "after_each" in one.when]
+        fitting = ", ".join([*asked, *([MEASURED] if design.protocol.options else [])]) or "none of the study"
         raise StudyError(
             f"form {form} is not asked after each stimulus, so there is nothing to compare; forms that are: {fitting}"
         )
-    return form, name, chosen
+    return variable(design, form, name), chosen
 
 
 DEVICE: Mapping[str, str | float | bool | None] = {"simulated": True, "browser": "none"}

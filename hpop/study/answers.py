@@ -26,6 +26,7 @@ from hpop.study.documents import Contents, TableColumn, csv_bytes, sqlite_bytes,
 from hpop.study.forms import Form, score
 from hpop.study.live import live_table
 from hpop.study.participants import unequal
+from hpop.study.protocol import MEASURED
 from hpop.study.session import MOST_BYTES, MOST_EVENTS, SCHEMA, VERSION, AnswersFile, Session, asked_at, questions_of
 from hpop.study.sharing import sidecars, wide_table
 
@@ -144,10 +145,14 @@ class Answers:
     def matrix(self, form: str, score: str) -> Matrix:
         """Return a score, or an item, of a questionnaire asked after each stimulus, for all people and stimuli.
 
-        Values are NaN if the questionnaire is not asked then. Raises StudyError for an unknown form, score or item.
+        The form "tasks" has the measures of tasks during the stimuli. Values are NaN if the questionnaire is not asked
+        after stimuli, or if the task has no record. Raises StudyError for an unknown form, score, item or measure.
         """
-        asked = self._asked(form, score)
+        tasks.variable(self.design, form, score)
         letters = self.design.letters
+        if form == MEASURED:
+            return self._measured(score)
+        asked = self.design.form(form)
         values = np.full((len(self.sessions), len(letters)), np.nan)
         places = np.zeros(values.shape, dtype=np.int64)
         for i, session in enumerate(self.sessions):
@@ -159,7 +164,10 @@ class Answers:
 
     def before(self, form: str, score: str) -> FloatArray:
         """Return a score or item (n,) before the first stimulus, in the order of :attr:`people`; NaN if missing."""
-        asked = self._asked(form, score)
+        tasks.variable(self.design, form, score)
+        if form == MEASURED:
+            return np.full(len(self.sessions), np.nan)
+        asked = self.design.form(form)
         return np.array([self._value(session, 0, asked, score) for session in self.sessions], dtype=np.float64)
 
     def choices(self, participant: str | None = None, question: str = "prefer") -> list[Choice]:
@@ -284,13 +292,17 @@ class Answers:
             Contents([*pair, *times], chosen),
         )
 
-    def _asked(self, form: str, score: str) -> Form:
-        """Return the questionnaire of a score or item; StudyError if there is none."""
-        asked = self.design.form(form)
-        one_of(
-            "score", score, dict.fromkeys([*asked.score_names, *(item.id for item in asked.items)]), error=StudyError
-        )
-        return asked
+    def _measured(self, name: str) -> Matrix:
+        """Return a measure of a task, for all people and stimuli."""
+        letters = self.design.letters
+        found = [
+            {one.condition: one.value for one in tasks.measures(session) if one.measure == name}
+            for session in self.sessions
+        ]
+        values = np.array([[of.get(letter, np.nan) for letter in letters] for of in found])
+        places = np.array([[one.person.order.index(letter) + 1 for letter in letters] for one in self.sessions])
+        shape = (len(self.sessions), len(letters))
+        return Matrix(self.people, letters, values.reshape(shape), places.reshape(shape).astype(np.int64))
 
     def _value(self, session: Session, place: int, form: Form, name: str) -> float:
         """Return a score or item of a form after stimulus number ``place`` of a session; NaN if an answer is missing.

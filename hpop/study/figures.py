@@ -14,6 +14,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.options import one_of
 from hpop.base.text import counted
 from hpop.errors import StudyError
+from hpop.study.protocol import MEASURED
 from hpop.study.results import BEFORE, label, scores_by_position
 from hpop.study.statistics import describe
 from hpop.view.page import new_figure
@@ -116,13 +117,12 @@ def _aside(column: FloatArray) -> FloatArray:
 
 def _add_legends(figure: Figure, axes: Axes, analysis: Analysis, what: str) -> Figure:
     """Add a title, a legend in words, and the mark of simulated answers to a figure."""
-    form = analysis.design.form(analysis.form)
-    worse = "higher is worse" if form.better == "low" else "higher is better"
-    axes.set_ylabel(
-        f"{form.id.upper()} {analysis.score} ({worse})" if form.id != analysis.score else f"{analysis.score} ({worse})"
-    )
+    asked = analysis.variable
+    worse = {"low": " (higher is worse)", "high": " (higher is better)", "": ""}[asked.better]
+    is_named = asked.form in (asked.name, MEASURED)
+    axes.set_ylabel(f"{asked.name}{worse}" if is_named else f"{asked.form.upper()} {asked.name}{worse}")
     people = counted(len(analysis.matrix.people), "session")
-    axes.set_title(f"{form.title.get('en', form.id)}, {what}: {people}", fontsize=LARGE)
+    axes.set_title(f"{asked.title}, {what}: {people}", fontsize=LARGE)
     axes.grid(axis="y", linewidth=0.4, alpha=0.6)
     axes.spines[["top", "right"]].set_visible(False)
     figure.text(

@@ -24,6 +24,7 @@ from hpop.errors import HpopError, StudyError, did_you_mean
 from hpop.scenario.faults import Faults
 from hpop.scenario.yaml_lines import Document
 from hpop.study.documents import in_words
+from hpop.study.protocol import MEASURED
 
 MOST_ITEMS = 200
 MOST_STEPS = 1000
@@ -263,6 +264,7 @@ class Form(_Part):
     @model_validator(mode="after")
     def _sound(self) -> Form:
         """Check that the parts of the form fit together."""
+        _require(self.id != MEASURED, f"the id {MEASURED} is that of measures of tasks; choose another one")
         _once(f"item of form {self.id}", [item.id for item in self.items])
         _once(f"score of form {self.id}", self.score_names)
         _once("time in when", self.when)

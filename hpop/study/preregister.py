@@ -12,9 +12,11 @@ from hpop.base.text import counted, printable
 from hpop.study.analysis import checked_question, planned
 from hpop.study.design import Design
 from hpop.study.forms import Form
+from hpop.study.protocol import MEASURED
 from hpop.study.results import Method
 from hpop.study.statistics.power import Power
 from hpop.study.statistics.scores import Correction
+from hpop.study.tasks import task_scores
 
 FILL = "[fill in: {}]"
 WHEN = {"before": "before the first stimulus", "after_each": "after each stimulus", "after_all": "after all stimuli"}
@@ -35,11 +37,12 @@ def preregistration(
 
     Raises StudyError for a score, a method or a correction that does not fit the design.
     """
-    form, name, chosen = checked_question(design, method, score, correction)
-    plan = planned(design, form, method, chosen)
-    better = {"low": "lower is better", "high": "higher is better"}[design.form(form).better]
+    asked, chosen = checked_question(design, method, score, correction)
+    plan = planned(design, asked, method, chosen)
+    primary, better = f"{asked.form}.{asked.name}", asked.better_words and f" ({asked.better_words})"
     others = [f"{one.id}.{made}" for one in design.questionnaires for made in one.score_names]
-    others.remove(f"{form}.{name}") if f"{form}.{name}" in others else None
+    others += [f"{MEASURED}.{made}" for made in task_scores(design)]
+    others.remove(primary) if primary in others else None
     parts = {
         "Study information": [
             f"**Title.** {FILL.format('title')}",
@@ -70,7 +73,7 @@ def preregistration(
             f"**Tasks during a stimulus.** {_tasks(design) or 'none'}.",
         ],
         "Analysis plan": [
-            f"**Primary score.** {form}.{name} ({better}).",
+            f"**Primary score.** {primary}{better}.",
             *(f"**{topic}.** {said}." for topic, said in plan.items() if topic not in ("Orders", "Durations")),
             "**Inference.** p below .05, adjusted as above.",
             "**Exclusions.** Participants who stop or drop out keep the scores that they gave. "

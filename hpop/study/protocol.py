@@ -58,6 +58,8 @@ head      orientation of the head in the robot's camera, sampled ``rate`` times 
 counting  tones, ``least`` to ``most`` s apart; their number is asked after the stimulus
 reaction  signals, ``least`` to ``most`` s apart, to which participants react within ``wait`` s
 """
+MEASURED = "tasks"
+"""Name in place of a form for scores that are measures of tasks, as in ("tasks", "reaction_median")."""
 FIRST = 1.0
 """s from the beginning in which nothing sounds, because browsers then open the sound card."""
 LAST = 0.5

@@ -184,10 +184,9 @@ def page(analysis: Analysis, pictures: Mapping[str, bytes]) -> str:
 
 
 def _heading(analysis: Analysis) -> str:
-    """Return the heading of the report: questionnaire, score and method."""
-    form = analysis.design.form(analysis.form)
+    """Return the heading of the report: questionnaire or measure, score and method."""
     method = {"default": "", "paper": ", by the method of the paper", "mixed": ", by a mixed model"}[analysis.method]
-    return f"{form.title.get('en', form.id)}: {analysis.score}{method}"
+    return f"{analysis.variable.title}: {analysis.score}{method}"
 
 
 def _summary(analysis: Analysis) -> str:

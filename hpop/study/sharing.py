@@ -16,6 +16,8 @@ import numpy as np
 from hpop.study.design import Design
 from hpop.study.documents import Contents, TableColumn
 from hpop.study.forms import Form
+from hpop.study.protocol import MEASURED
+from hpop.study.tasks import MEASURES, measures, task_scores
 
 if TYPE_CHECKING:
     from hpop.study.answers import Answers
@@ -45,7 +47,7 @@ def variable_names(headings: Iterable[str]) -> list[str]:
 
 
 def wide_table(answers: Answers) -> tuple[Contents, Sidecar]:
-    """Return the scores with a row for each person, as repeated measures in JASP and SPSS need, and its dictionary."""
+    """Return scores and measures of tasks, a row for each person as JASP and SPSS need it, and its dictionary."""
     design = answers.design
     strata = list(design.enrolled[0].strata)
     known = {(row.participant, row.place, row.form, row.score): row.value for row in answers.scores}
@@ -70,9 +72,15 @@ def wide_table(answers: Answers) -> tuple[Contents, Sidecar]:
         moment = f"after stimulus {letter}" if letter else when.replace("_", " ").replace("before", "before the first")
         suffix = letter or {"before": "before", "after_all": "after"}[when]
         described.append((f"{form.id}_{name}_{suffix}", _described(f"Score {name} of {form.id}, {moment}", "1", form)))
+    measured_tasks = [(name, letter) for name in task_scores(design) for letter in design.letters]
+    for name, letter in measured_tasks:
+        described.append(
+            (f"{MEASURED}_{name}_{letter}", _described(f"{MEASURES[name]}, during stimulus {letter}", "1"))
+        )
     rows = []
     for session in answers.sessions:
         person = session.person
+        of_tasks = {(one.measure, one.condition): one.value for one in measures(session)} if measured_tasks else {}
         at = {letter: place for place, letter in enumerate(person.order, 1)}
         places = {"before": 0, "after_all": last}
         rows.append(
@@ -82,6 +90,7 @@ def wide_table(answers: Answers) -> tuple[Contents, Sidecar]:
                 known.get((person.id, at[letter] if letter else places[when], form.id, name), np.nan)
                 for form, name, when, letter in measured
             ]
+            + [of_tasks.get(measure, np.nan) for measure in measured_tasks]
         )
     names = variable_names(name for name, _ in described)
     columns = [TableColumn(name, "TEXT" if i < 2 + len(strata) else "REAL") for i, name in enumerate(names)]

@@ -1,6 +1,7 @@
 """Records of the tasks during a stimulus: which events are valid, tables of them, and what they measure.
 
 The tasks are ratings, head orientation, counting of tones and reactions; :mod:`hpop.study.protocol` has their options.
+Their measures are analysed like scores of questionnaires.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from hpop.errors import StudyError
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.study.documents import Contents, TableColumn, csv_bytes, write, write_bytes
-from hpop.study.protocol import TASKS, Options
+from hpop.study.protocol import MEASURED, TASKS, Options
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -125,7 +126,8 @@ def _measured(events: Sequence[SessionEvent]) -> dict[str, float]:
         found["tones"] = len(by_item["tone"])
         if by_item["count"]:
             counted = by_item["count"][-1]["value"]
-            found |= {"counted": counted, "count_error": counted - len(by_item["tone"])}
+            error = counted - len(by_item["tone"])
+            found |= {"counted": counted, "count_error": error, "count_error_size": abs(error)}
     if signals := by_item["signal"]:
         times = [value["seconds"] for value in signals if "seconds" in value]
         found |= {"signals": len(signals), "signals_missed": len(signals) - len(times)}
@@ -185,6 +187,7 @@ MEASURES = {
     "tones": "Number of tones",
     "counted": "Number of tones that the participant counted",
     "count_error": "Counted tones minus tones",
+    "count_error_size": "Counted tones minus tones, without its sign",
     "signals": "Number of signals to react to",
     "signals_missed": "Number of signals without a reaction in time",
     "reaction_median": "Median time from a signal to the reaction, s",
@@ -194,6 +197,65 @@ MEASURES = {
     "skips": "Number of jumps in the video",
 }
 """Measures of :func:`measures`, by name."""
+SCORES = {
+    "rating": {"rating_mean": "low", "rating_max": "low", "rating_last": "low", "ratings_missed": "low"},
+    "slider": {"slider_mean": "low", "slider_max": "low"},
+    "head": {"head_speed": ""},
+    "counting": {"count_error_size": "low", "count_error": ""},
+    "reaction": {"reaction_median": "low", "signals_missed": "low", "false_presses": "low"},
+}
+"""Measures of each task that can be analysed, with their better end, "low" or "high"; "" for neither."""
+
+
+class Variable(NamedTuple):
+    """Quantity that a study analyses: a score or item of a questionnaire, or a measure of a task.
+
+    form    id of the questionnaire, or "tasks"
+    name    name of the score, item or measure
+    title   of the questionnaire, or what the measure is, in English
+    source  authors and publication of the questionnaire, or the task
+    better  its better end, "low" or "high"; "" for neither
+    when    moments at which it is obtained: "before" the first stimulus, "after_each", "after_all"
+    """
+
+    form: str
+    name: str
+    title: str
+    source: str
+    better: str
+    when: tuple[str, ...]
+
+    @property
+    def better_words(self) -> str:
+        """Return the better end in words; "" for neither."""
+        return f"{self.better}er is better" if self.better else ""
+
+
+def task_scores(design: Design) -> dict[str, str]:
+    """Return the measures of a design's tasks that can be analysed, with their better end."""
+    return {name: better for task in design.protocol.options for name, better in SCORES[task].items()}
+
+
+def variable(design: Design, form: str, name: str) -> Variable:
+    """Return what a form and a name of an analysis mean; the form "tasks" has the measures of tasks.
+
+    Raises StudyError if the study has no such form, score, item or measure.
+    """
+    if form != MEASURED:
+        asked = design.form(form)
+        one_of("score", name, dict.fromkeys([*asked.score_names, *(item.id for item in asked.items)]), error=StudyError)
+        title, source = asked.title.get("en", asked.id), " ".join(asked.source.split())
+        return Variable(form, name, title, source, asked.better, asked.when)
+    known = task_scores(design)
+    if not known:
+        raise StudyError(
+            "the study has no tasks, so it has no measures of tasks; give a score of a form: "
+            f"{', '.join(design.forms)}, or add tasks to the protocol of a new study"
+        )
+    one_of("measure", name, known, error=StudyError)
+    task = next(task for task, names in SCORES.items() if name in names)
+    options = ", ".join(f"{option} {value:g}" for option, value in design.protocol.options[task].items())
+    return Variable(form, name, MEASURES[name], f"Task {task} ({options})", known[name], ("after_each",))
 
 
 def tables(answers: Answers) -> tuple[Contents, Contents, Contents]:

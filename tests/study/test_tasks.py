@@ -176,6 +176,7 @@ def test_measures_are_those_of_the_last_showing(front: hpop.Front, tmp_path: Pat
         "tones": 2,
         "counted": 4,
         "count_error": 2,
+        "count_error_size": 2,
         "signals": 3,
         "signals_missed": 1,
         "reaction_median": 0.4,
@@ -304,3 +305,117 @@ def test_markers_reach_an_inlet_at_the_time_of_the_event() -> None:
         "value": {"due": 1.0},
     }
     assert stamp + inlet.time_correction(timeout=5) == pytest.approx(before - 2.0, abs=0.05)
+
+
+SLOWER = 0.125
+"""s by which a reaction is slower during C than during A and B."""
+
+
+def reacting(design: study.Design, participant: str, effect: float, noise: float) -> list[dict[str, Any]]:
+    """Return a session of a person who reacts at a speed of their own, slower by ``effect`` during C, and miscounts it.
+
+    A normal error of ``noise``, s, belongs to each stimulus. The head turns by 3 degrees in 0.1 s during A, by 6
+    during B, and by 9 during C.
+    """
+    rng = np.random.default_rng([3, int(participant[1:])])
+    own, turned = 0.3 + 0.2 * rng.random(), {"A": 3, "B": 6, "C": 9}
+    events = []
+    for event in events_of(design, participant):
+        events.append(event)
+        if event["kind"] != "stimulus" or event["value"] != "begin":
+            continue
+        letter, late = event["condition"], effect if event["condition"] == "C" else 0.0
+        took = max(own + late + noise * rng.standard_normal(), 0.1)
+        wrong = 0 if letter != "C" or not effect else int(rng.choice([-1, 1]))
+        said: list[tuple[str, Any]] = [("tone", {"due": 2.0 + i, "came": 2.0 + i}) for i in range(4)]
+        said += [("count", {"value": 4 + wrong})]
+        said += [("signal", {"due": t, "came": t, "seconds": took + dt}) for t, dt in ((4, -0.1), (8, 0), (12, 1))]
+        said += [("rating", {"due": 4, "came": 4, "value": 5 if late else 2, "seconds": 1})]
+        said += [("head", {"samples": [[0, 0, 0], [100, turned[letter], 0]]})]
+        where = {"t": event["t"], "at": event["at"], "kind": "task", "place": event["place"], "condition": letter}
+        events += [{**where, "item": item, "value": value} for item, value in said]
+    return events
+
+
+def reactions(front: hpop.Front, folder: Path, effect: float, noise: float = 0.0) -> study.Answers:
+    """Return the answers of twelve people whose reactions during C are slower by ``effect``, s."""
+    protocol = study.Protocol(rest_s=0, tasks={name: option for name, option in TASKS.items() if name != "slider"})
+    design = study.Design.of(front, [0, 1, 2], participants=12, consent=CONSENT, protocol=protocol)
+    folder.mkdir(exist_ok=True)
+    design.save(folder)
+    for person in design.participants:
+        put(folder, session(design, person.id, reacting(design, person.id, effect, noise)))
+    return study.Answers.load(folder)
+
+
+def test_measures_of_tasks_are_analysed_as_scores_and_their_effect_is_found(front: hpop.Front, tmp_path: Path) -> None:
+    answers = reactions(front, tmp_path, SLOWER)
+    result = study.analyse(answers.design, answers, score=("tasks", "reaction_median"))
+    for row in result.tables["pairs"]:
+        late = SLOWER if row["second"].startswith("C") else 0.0
+        assert row["shift"] == pytest.approx(late, abs=1e-5)  # measures are rounded to 1e-6 s
+        assert (row["adjusted p"] < 0.01) == (late > 0)
+    assert result.before is None
+    assert "against before" not in result.tables
+    assert "Median time from a signal to the reaction" in result.choices["Measure"]
+    assert "Questionnaire" not in result.choices
+    for name, in_c, otherwise in (("rating_mean", 5, 2), ("count_error_size", 1, 0)):
+        values = answers.matrix("tasks", name).values
+        assert (values == [otherwise, otherwise, in_c]).all()
+        assert study.analyse(answers.design, answers, score=("tasks", name)).tables["test"][0]["p"] < 0.001
+    head = answers.matrix("tasks", "head_speed")
+    assert (head.values == [30, 60, 90]).all()
+    assert [row["place"] for row in result.tables["places"]] == [1, 2, 3]
+    signed = study.analyse(answers.design, answers, score=("tasks", "count_error"))
+    assert signed.tables["test"][0]["p"] > 0.05  # as many counted too few as too many
+
+
+def test_without_an_effect_on_reactions_none_is_found_and_a_mixed_model_takes_them(
+    front: hpop.Front, tmp_path: Path
+) -> None:
+    same = reactions(front, tmp_path / "same", 0.0)
+    assert study.analyse(same.design, same, score=("tasks", "reaction_median")).tables["test"][0]["p"] > 0.9
+    slower = reactions(front, tmp_path / "slower", 0.2, noise=0.1)
+    mixed = study.analyse(slower.design, slower, score=("tasks", "reaction_median"), method="mixed")
+    assert mixed.tables["test"][0]["p"] < 0.001
+    assert [row["adjusted p"] < 0.01 and row["odds ratio"] > 1 for row in mixed.tables["pairs"]] == [False, True, True]
+    alike = reactions(front, tmp_path / "alike", 0.0, noise=0.1)
+    assert (
+        study.analyse(alike.design, alike, score=("tasks", "reaction_median"), method="mixed").tables["test"][0]["p"]
+        > 0.05
+    )
+
+
+def test_a_report_a_wide_table_and_a_preregistration_name_a_measure(front: hpop.Front, tmp_path: Path) -> None:
+    answers = reactions(front, tmp_path, SLOWER)
+    result = study.analyse(answers.design, answers, score=("tasks", "count_error_size"))
+    page = result.save(tmp_path / "report").read_text()
+    assert "Counted tones minus tones, without its sign: count_error_size" in page
+    assert "('tasks', 'count_error_size')" in (tmp_path / "report" / "repeat.py").read_text()
+    answers.save_tables(tmp_path)
+    header, *rows = (tmp_path / "wide.csv").read_text().splitlines()
+    column = header.split(",").index("tasks_count_error_size_C")
+    assert {float(row.split(",")[column]) for row in rows} == {1.0}
+    assert (
+        "without its sign"
+        in json.loads((tmp_path / "wide.json").read_text())["tasks_count_error_size_C"]["Description"]
+    )
+    text = study.preregistration(answers.design, score=("tasks", "reaction_median"))
+    assert "**Primary score.** tasks.reaction_median (lower is better)." in text
+    assert "tasks.head_speed" in text
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "said"),
+    [
+        (TASKS, "reaction_mean", "measure must be one of rating_mean, .*Did you mean 'reaction_median'"),
+        (TASKS, "tones", "measure must be one of"),
+        ({"head": {}}, "reaction_median", "measure must be one of head_speed"),
+        ({}, "reaction_median", "the study has no tasks, .*give a score of a form: ssq, "),
+        (TASKS, "rating_mean", "no participant has all answers for the measure rating_mean"),
+    ],
+)
+def test_measures_that_the_study_does_not_have_are_refused(front: hpop.Front, given: Any, name: str, said: str) -> None:
+    design = planned(front, given)
+    with pytest.raises(StudyError, match=said):
+        study.analyse(design, study.Answers(design, ()), score=("tasks", name))
