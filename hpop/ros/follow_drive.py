@@ -35,6 +35,7 @@ from hpop.ros.paths import path_message
 from hpop.ros.planning import choice_of, chosen_row, options_of
 from hpop.ros.protocol import ErrorCode, Failure
 from hpop.simulation.tracking import DriveLimits, Tracker
+from hpop.trajectories.contacts import first_contact
 from hpop.trajectories.trajectory import Trajectory
 
 PERMANENT = (ErrorCode.GOAL_OUTSIDE_MAP, ErrorCode.INVALID_PLANNER)  # failures that waiting does not mend
@@ -48,12 +49,14 @@ class HandOver:
 
     before  the plan up to there
     latest  s, of the plan's clock; later, the robot could not brake any more for a turn there
+    there   s, of the plan's clock, when the robot is there
     after   s, from the time of the query until the robot is there
     pose    x m, y m, yaw rad
     """
 
     before: Trajectory
     latest: float
+    there: float
     after: float
     pose: tuple[float, float, float]
 
@@ -102,7 +105,7 @@ class UnderWay:
             there = CHECKED * int(np.searchsorted(self.far, lengths[i] - ARRIVED))
             there = float(plan.times[i]) if plan.punctual else there
             pose = (float(states.x[i]), float(states.y[i]), float(states.yaw[i]))
-            return HandOver(part(plan, 0, i), latest, there - clock + waits, pose)
+            return HandOver(part(plan, 0, i), latest, there, there - clock + waits, pose)
         return None
 
     def passes(self, goal: FollowGoal, place: HandOver, now: float, within: float) -> int:
@@ -222,7 +225,7 @@ class GoalDrive:
 
         ``rest`` is the goal, with its poses that will have been passed by then counted as passed.
         """
-        over, worlds = Event(), (self.seen.world, self.seen.world_with_people(leaves))
+        over, worlds = Event(), (self.seen.world, self.seen.world_with_people(now, leaves))
         future = self._executor.submit(self.planner.way, rest, starts, worlds, self.settings.within, over)
         self.job, self._began = PlanningJob(goal, future, leaves, over, place, takes), now
 
@@ -232,7 +235,7 @@ class GoalDrive:
         return min(1.5 * self._took + 0.2, LONGEST_WAIT)
 
     def _moves(self, now: float) -> bool:
-        return any(person.moves for person in self.seen.people(now))
+        return any(person.moves for person in self.seen.people(now, now))
 
     def look_ahead(self, goal: FollowGoal, run: UnderWay, now: float, *, takes: bool) -> None:
         """Begin to plan from a place ahead; if there is none and an option ``takes`` over, brake."""
@@ -279,14 +282,16 @@ class GoalDrive:
             self.offered = front
             self.events.append(Planned(job.goal.id, None, {"goal": job.goal.id, **options_of(front, row)}))
             self.say(f"asks which of {len(front):,} trajectories to take, after: {self.why}")
+        elif met := self.met(row.point.trajectory, 0.0, begin := max(now, job.leaves), now):  # planning took long
+            self._no_way(job, now, met, ends=False)
         else:
-            self.start(front, row, max(now, job.leaves))
+            self.start(front, row, begin)
 
     def _offer_ahead(self, job: PlanningJob, place: HandOver, front: Front, row: NamedRow, now: float) -> None:
         """Change the plan at a place ahead to what was planned from there, or offer this."""
         run = self.run
         assert run is not None
-        if job.takes and not self.is_before(place, now):  # planning took longer than expected
+        if job.takes and (not self.is_before(place, now) or self.met_ahead(place, row, now)):  # planning took long
             self.look_ahead(job.goal, run, now, takes=True)
         elif job.takes:
             self.hand_over(place, front, row)
@@ -296,6 +301,24 @@ class GoalDrive:
             ahead = {"x": x, "y": y, "yaw": yaw, "after": place.after + self._began - now, "until": until}
             told = {"goal": job.goal.id, **options_of(front, row), "ahead": ahead}
             self.events.append(Planned(job.goal.id, None, told))
+
+    def met_ahead(self, place: HandOver, row: NamedRow, now: float) -> str:
+        """Return which person a trajectory from a place ahead meets, as :meth:`met` does."""
+        assert self.run is not None
+        at = now + place.there - self.run.clock(now) + max(0.0, self.run.begin - now)
+        return self.met(joined(place.before, row.point.trajectory), place.there, at, now)
+
+    def met(self, trajectory: Trajectory, begin: float, at: float, now: float) -> str:
+        """Return in words which person the robot meets along a trajectory from its time ``begin``, s; "" for none.
+
+        People are predicted from how they were seen last, not as when the trajectory was planned: for a robot that
+        comes to this place of the trajectory at the time ``at``, s.
+        """
+        parts, near = self.planner.problem.model.platform, self.settings.near
+        found = first_contact(parts, self.seen.people(now, at), trajectory.execution(), near, begin=begin)
+        if found is None:
+            return ""
+        return f"people are elsewhere now: {found[1]} would be within {near:g} m of the robot {found[0]:.1f} s later"
 
     def hand_over(self, place: HandOver, front: Front, row: NamedRow) -> None:
         """Take a trajectory of a front from a place ahead of the robot on."""

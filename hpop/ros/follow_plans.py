@@ -87,17 +87,17 @@ class Sighting:
             return "no pose of the robot has come"
         return f"the pose of the robot is {now - self._pose[1]:.1f} s old"
 
-    def people(self, at: float) -> tuple[Person, ...]:
-        """Return the people, as predicted for a time, s; those of the scenario if no message of people has come yet.
+    def people(self, now: float, at: float) -> tuple[Person, ...]:
+        """Return the people known ``now`` as predicted for the time ``at``, s; else those of the scenario.
 
-        There are no people if the last message names none, or was sent over `PEOPLE_LAST` + 5 s before. If the scenario
+        There are no people if the last message names none, or was sent over `PEOPLE_LAST` + 5 s ago. If the scenario
         has people, one person far away then stands for them, as a criterion may need one.
         """
         own = self.planner.problem.world.content.people
         if self._people is None:
             return own
         people, seen = self._people
-        if people and at - seen <= PEOPLE_LAST + 5.0:
+        if people and now - seen <= PEOPLE_LAST + 5.0:
             return tuple(person.later(max(0.0, at - seen)) for person in people)
         return tuple(Person(person.x + ABSENT, person.y) for person in own[:1])  # for criteria that need one
 
@@ -107,12 +107,12 @@ class Sighting:
             return ()
         return tuple(person.later(max(0.0, now - self._people[1])) for person in self._people[0])
 
-    def world_with_people(self, at: float) -> World:
-        """Return the world with its people, as predicted for a time, s."""
+    def world_with_people(self, now: float, at: float) -> World:
+        """Return the world with the people known ``now``, as predicted for the time ``at``, s."""
         content = self.world.content
         groups = content.groups if self._people is None else ()
         return self.world.with_content(
-            people=self.people(at), groups=groups, landmarks=content.landmarks, zones=content.zones
+            people=self.people(now, at), groups=groups, landmarks=content.landmarks, zones=content.zones
         )
 
     def free(self, states: States) -> BoolArray:

@@ -16,7 +16,9 @@ from threading import RLock
 from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
 from hpop.errors import RosError
-from hpop.ros.follow_drive import GoalDrive, UnderWay
+from hpop.problems.front import Front
+from hpop.problems.named_rows import NamedRow
+from hpop.ros.follow_drive import GoalDrive, HandOver, UnderWay
 from hpop.ros.follow_plans import FollowGoal, FollowPlanner, FollowSettings, FollowStep
 from hpop.ros.messages import Message, PlanarPose
 from hpop.ros.observations import FilterScale, OccupancyGrid
@@ -134,6 +136,7 @@ class Follower(GoalDrive):
                     row = chosen_row(front, choice)
                 except Failure as failure:
                     raise RosError(failure.why) from None
+                self._refuse_met(ahead, row, now)
                 if ahead is not None:
                     if not choice.isdecimal():
                         self.goal.choice = choice
@@ -147,6 +150,17 @@ class Follower(GoalDrive):
             self.goal.choice = choice
             if self.run is not None and not self.run.tracker.stopping:
                 self.look_ahead(self.goal, self.run, now, takes=True)
+
+    def _refuse_met(self, ahead: tuple[HandOver, Front] | None, row: NamedRow, now: float) -> None:
+        """Raise RosError if the robot would meet a person along a row, as people are seen now; then plan again.
+
+        ahead  place where the row begins, and its front; None if it begins where the robot stands
+        """
+        met = self.met(row.point.trajectory, 0.0, now, now) if ahead is None else self.met_ahead(ahead[0], row, now)
+        if met:
+            self.ahead = self.offered = None
+            self.next_try = self._next_offer = -math.inf
+            raise RosError(f"{met}; it is planned again: wait for new options, or give a name, such as knee")
 
     # The loop
 

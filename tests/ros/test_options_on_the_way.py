@@ -15,8 +15,9 @@ from hpop.errors import RosError
 from hpop.planners.graph_planners import Lattice
 from hpop.ros import Interface, PlanarPose, planar_pose
 from hpop.ros.follow_drive import UnderWay
-from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned
+from hpop.ros.follow_plans import Ended, FollowPlanner, FollowSettings, Planned, Sighting
 from hpop.ros.following import Follower
+from hpop.ros.planning import chosen_row
 from hpop.simulation.tracking import Tracker
 from hpop.world import Person
 from tests.ros.robot import AtOnce, Robot, Trip
@@ -101,6 +102,60 @@ def test_options_are_published_on_the_way_and_a_row_is_taken_until_the_robot_is_
     trip.go(0.1)
     taken = next(event for event in trip.events[::-1] if event.path is not None)
     assert taken.options["costs"][taken.options["rows"].index(taken.options["chosen"])] == cost
+
+
+def test_a_row_on_which_the_robot_would_now_meet_a_person_is_not_taken_on_the_way(round_a_box):
+    trip, _said = on_the_way(round_a_box, offers=2.0)
+    before = len(trip.events)
+    assert trip.go(5, lambda: len(trip.events) > before)
+    offer = trip.events[-1].options
+    row = offer["named"]["least length"]
+    assert trip.follower.ahead is not None
+    option = chosen_row(trip.follower.ahead[1], "least length").point.trajectory
+    seconds, met = offer["ahead"]["after"], option.at(2.0)
+    x, y = float(met.x[0]), float(met.y[0])
+    person = Person(x, y - 0.5 * (seconds + 2.0), velocity=(0.0, 0.5))  # who comes to the place when the robot does
+    trip.follower.saw([person], trip.now)
+    run = trip.follower.run
+    with pytest.raises(RosError, match="people are elsewhere now"):
+        trip.follower.take(str(row), trip.now)
+    assert trip.follower.run is run
+    trip.follower.saw([Person(0.5, 0.5)], trip.now)  # as if she were seen elsewhere: the way is planned again
+    assert trip.go(5, lambda: trip.follower.ahead is not None)
+    trip.follower.take("least length", trip.now)
+    assert trip.go_until_ended().reached
+
+
+def test_options_of_a_standing_robot_are_not_driven_once_a_person_walks_at_it(round_a_box):
+    trip, _said = on_the_way(round_a_box, Person(9.5, 0.5), asks=True)
+    trip.follower.halt(stopped=True)
+    assert trip.go(5, lambda: trip.stands)
+    trip.follower.halt(stopped=False)
+    assert trip.go(5, lambda: trip.state()["state"] == "asks")
+    first = trip.follower.offered
+    trip.go(5)
+    begun, gaps, x, y = trip.now, [], trip.robot.x, trip.robot.y
+
+    def walks() -> bool:
+        px = x + 6.0 - 0.8 * (trip.now - begun)
+        trip.follower.saw([Person(px, y, velocity=(-0.8, 0.0))], trip.now)
+        gaps.append(math.dist((px, y), (trip.robot.x, trip.robot.y)) - RADIUS - 0.25)
+        return trip.follower.offered not in (None, first)
+
+    walks()
+    with pytest.raises(RosError, match="people are elsewhere now"):
+        trip.follower.take("least length", trip.now)
+    assert trip.go(2, walks)
+    trip.follower.take("least length", trip.now)
+    trip.go(14, lambda: walks() and False)
+    assert min(gaps) > 0
+
+
+def test_people_are_predicted_for_places_far_ahead(round_a_box):
+    seen = Sighting(round_a_box)
+    seen.saw([Person(1.0, 5.0, velocity=(0.5, 0.0))], 0.0)
+    (person,) = seen.world_with_people(1.0, 11.0).content.people
+    assert (person.x, person.y) == (pytest.approx(6.5), 5.0)
 
 
 def test_an_option_near_the_goal_is_taken_after_a_stop_that_is_said(round_a_box):
