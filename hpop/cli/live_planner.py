@@ -9,6 +9,7 @@ ends with its input, so that it never outlives the server, which starts another 
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import time
@@ -81,6 +82,12 @@ def main(scenario: str, imports: Sequence[str]) -> None:
     cli.user_code.register(imports)
     planner = LivePlanner(load_scenario(scenario))
     planner.prepare()
+    behind = [math.inf]  # s, of the session's time behind this machine's
+
+    def clock() -> float:
+        return time.monotonic() - behind[0]
+
+    planner.clock = clock
     writing, waiting = Lock(), PriorityQueue[tuple[int, int, dict[str, Any], float]]()
 
     def say(message: Mapping[str, Any]) -> None:
@@ -101,6 +108,7 @@ def main(scenario: str, imports: Sequence[str]) -> None:
         try:
             for line in sys.stdin.buffer:
                 request, came = json.loads(line), time.process_time()
+                behind[0] = min(behind[0], time.monotonic() - request["now"])  # the quickest message tells it best
                 is_push = request["kind"] == "push"
                 if is_push and tell(request, at_once(planner, request), came):
                     say({"type": "done", "id": request["id"]})

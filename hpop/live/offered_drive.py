@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from threading import RLock
 from time import perf_counter
@@ -27,6 +27,7 @@ Pose = tuple[float, float, float]
 
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
+PASSED = "the robot has passed the place where this way begins; choose again"
 WITHIN = 0.2
 """Time, s, in which the ways of a drive must be found; among people, the graph may be built anew meanwhile."""
 
@@ -37,6 +38,8 @@ class OfferedDrive:
     One thread answers requests, the other one answers pushes (`push_at_once`) while the first one computes. Both change
     the drive, and yield the messages that say so, only while they hold the lock ``changing``.
 
+    clock     returns the time of the session, s, at present: later than the time ``now`` of a request that takes long;
+              without it, each request counts as answered at once
     template  problem of the scenario without its tour and its people
     drive     the present drive; None while the robot has no plan
     prefix    what was driven before it without a stop between; None for nothing
@@ -59,6 +62,7 @@ class OfferedDrive:
         self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
         self._pushed = -math.inf  # s, time of the last push beside a request
+        self.clock: Callable[[], float] = lambda: -math.inf
 
     def _offer_rest(
         self, now: float, lead: float = LEAD, *, within: float = WITHIN, anew: bool = False
@@ -95,6 +99,7 @@ class OfferedDrive:
 
     def _is_late(self, offer: Offer, now: float) -> bool:
         """Return whether it is too late to take a way of an offer: the robot could no longer change to it in time."""
+        now = max(now, self.clock())
         if offer.options is None and offer.before is None:
             return self.surroundings.moving and now > offer.time
         arrives = offer.options is not None and offer.options.commit.arrives  # no other way is left
@@ -118,6 +123,8 @@ class OfferedDrive:
             with self.changing:
                 assert self.drive is not None
                 try:
+                    if self._is_late(offer, now):
+                        raise DriveError(PASSED)
                     self.drive.take(option, now, offer.options)
                 except DriveError as error:
                     yield {"type": "refused", "words": printable(str(error))}
@@ -163,6 +170,10 @@ class OfferedDrive:
                 if many:
                     words = "no way is clear of people and closed areas now; wait, or choose another destination"
                 yield {"type": "pushed", "followed": False, "option": None, "words": words}
+                return
+            if self._is_late(offer, now) and found.row != offer.ways.present:
+                words = "the robot has passed the place where the ways begin; push again"
+                yield {"type": "pushed", "followed": False, "option": offer.ways.present, "words": words}
                 return
             words = first_turn(offer.ways.trajectories[found.row])
             if not found.follows:

@@ -20,7 +20,7 @@ from hpop.base.text import printable
 from hpop.drive.script import follow
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, line_of
-from hpop.live.offered_drive import LEAD, WITHIN, Message, OfferedDrive, Pose
+from hpop.live.offered_drive import LEAD, PASSED, WITHIN, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
@@ -183,7 +183,7 @@ class LivePlanner(OfferedDrive):
             row = int(np.argmin(distances))
             if distances[row] <= LIKE:
                 return offer, row
-        yield {"type": "refused", "words": "the robot has passed the place where this way begins; choose again"}
+        yield {"type": "refused", "words": PASSED}
         return None
 
     def push(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
@@ -193,7 +193,8 @@ class LivePlanner(OfferedDrive):
             if self.goal is not None:
                 yield from self._offer_goal(now, pose)
             else:  # among people, known ways: the graph may be built anew
-                self._offer_rest(now, within=0.0 if self.surroundings.moving else WITHIN)
+                lead = max(LEAD, min(2.0 * self.took, MOST_AHEAD))
+                self._offer_rest(now, lead, within=0.0 if self.surroundings.moving else WITHIN)
         yield from self._answer(now, pose[2] + direction)
 
     def wish(self, now: float, pose: Pose, wish: str) -> Iterator[Message]:
@@ -320,10 +321,13 @@ class LivePlanner(OfferedDrive):
     def _adapted(self, now: float, pose: Pose) -> Iterator[Message]:
         """Take another way if the plan is blocked; offer the ways that there are now."""
         offer = self._offer_rest(now, anew=True)
+        if offer is not None and self._is_late(offer, now):  # the search took longer than the robot to that place
+            now = max(now, self.clock())
+            offer = self._offer_rest(now, min(TIMES_AHEAD * self.took, MOST_AHEAD), anew=True)
         with self.changing:
             assert self.drive is not None
             is_blocked = offer is not None and offer is self.offer and offer.ways.present is None
-            options = None if offer is None or not is_blocked else offer.options
+            options = None if offer is None or not is_blocked or self._is_late(offer, now) else offer.options
             if options is not None and self.drive.adapt(options) is not None:
                 self.offer = None
                 yield self._plan(now)

@@ -22,30 +22,23 @@ from hpop.problems.problem import Problem
 from hpop.simulation import Pedestrians, Walking
 from hpop.trajectories.trajectory import Trajectory
 
-TICK = 0.02
-"""Time between steps of the robot, s."""
-STATE = 0.05
-"""Time between messages "state", s."""
-RECORDED = 0.1
-"""Time between recorded states, s."""
+TICK = 0.02  # time between steps of the robot, s
+STATE = 0.05  # time between messages "state", s
+RECORDED = 0.1  # time between recorded states, s
 SILENT = 0.5
 """Time, s, without a sign of the driver's page after which the robot brakes."""
 LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
-RENEWED, RENEWED_BEFORE = 0.4, 0.5
-"""Least time, s, between offers of new ways while the robot drives; time, s, before the last ones become too late."""
-RESTS, BEFORE = 2.0, 1.5
-"""If these are longer: the two times above, as multiples of the duration of the last search for ways."""
-SEEN = 1.5
-"""Least time, s, between two predictions of the people."""
-PREDICTED = 4.0
-"""Time, s, after which people are predicted anew."""
-BEFORE_PEOPLE = 0.15
-"""Distance, m, that the robot keeps from people when it brakes before them."""
+RENEWED, RENEWED_BEFORE = 0.4, 0.5  # s: between offers of ways while driving, at least; before the last are too late
+RESTS, BEFORE = 2.0, 1.5  # the same as multiples of the duration of the last search for ways, if these are longer
+SEEN = 1.5  # least time, s, between two predictions of the people
+PREDICTED = 4.0  # time, s, after which people are predicted anew
+BEFORE_PEOPLE = 0.15  # distance, m, that the robot keeps from people when it brakes before them
+MISSED = "the new way came too late: the robot has passed the place where it begins, and stops"
+ELSEWHERE = "people walk elsewhere than when the way was found; it is checked again"
 LOOK = "and what was asked last may be lost: look at what is closed, then choose a way"
 EXPLORES = 20.0  # s, to wait for the data of the explorer
-SETTINGS = {"arrow": True, "tone": False}
-"""Settings of the announcement of turns, and whether they are on at first."""
+SETTINGS = {"arrow": True, "tone": False}  # of the announcement of turns, and whether they are on at first
 
 
 class LiveSession(Audience):
@@ -89,10 +82,9 @@ class LiveSession(Audience):
         self._pushed_at = 0.0
         self._next = {"state": 0.0, "record": 0.0, "ways": 0.0, "people": 0.0}
         self._has_arrived = True
+        self._waits = False  # whether a plan was not handed over, as people walk into it
         self._is_planless = False  # whether the planner does not know the plan that the robot would follow
         self._repeats = 0  # how often the destination was asked again without an answer
-
-    # Time
 
     async def run(self) -> None:
         """Keep the robot and the planner running until this task is cancelled."""
@@ -269,7 +261,7 @@ class LiveSession(Audience):
         self.planner.ask(kind, now=lambda: self.now, pose=lambda: list(self.robot.pose), **values)
 
     def _ask_ways(self) -> None:
-        """Ask the planner to compute the ways from here on, and then to offer them to the viewers."""
+        """Ask the planner to compute and then to offer the ways from here on."""
         self._ask("options")
         self._ask("show")
 
@@ -321,14 +313,22 @@ class LiveSession(Audience):
         """Let the robot follow the plan of a message "plan", and record it."""
         trajectory = Trajectory.from_description(self.problem.model, message["trajectory"])
         elapsed = message["elapsed"] + self.now - message["now"]
+        if self.robot.misses(trajectory, elapsed):
+            self._leave_plan(MISSED)
+            return
+        self._waits = self.robot.approaches(trajectory, elapsed, self.people, self._pedestrians.radius)
+        if self._waits:  # the planner is told anew where people are, and then says how the robot goes on
+            self._told_people = ToldPeople()
+            return
         self.robot.follow(trajectory, elapsed, arrives=message["arrives"])
         self._has_arrived = self._is_planless = False
         self.record.add(self.now, "plan", {name: value for name, value in message.items() if name != "type"})
 
-    def _leave_plan(self) -> None:
-        """Stop, because the robot has left its plan: closed areas would not be avoided any more."""
-        self.stopped = self._is_planless = True
-        self.note("the robot has left its plan and stops; choose a destination anew")
+    def _leave_plan(self, words: str = "the robot has left its plan and stops") -> None:
+        """Stop, because the planner does not know what the robot drives: closed areas would not be avoided any more."""
+        self.stopped, self._is_planless, self._waits, self._starts = True, True, False, False
+        self._ask("arrived")  # the drive ends
+        self.note(f"{words}; choose a destination anew")
 
     def _ready(self) -> None:
         """Tell a planner that has just started what is closed and where to go."""
@@ -354,12 +354,13 @@ class LiveSession(Audience):
 
         wanted  whether to do so also while the robot stands or the planner is busy
         """
-        free = not self._has_arrived and not self.planner.is_busy and now >= self._next["people"]
+        drives = self._waits or not self._has_arrived
+        free = drives and not self.planner.is_busy and now >= self._next["people"]
         if self.planner.is_ready and (wanted or free) and self._told_people.differ(self.people, now, PREDICTED):
             self._next["people"] = now + SEEN
             self._told_people.keep(self.people, now)
             self._ask("people", people=self.people)
-            if not self._has_arrived and not wanted:
+            if drives and not wanted:
                 self._ask_ways()
 
     def _see_areas(self) -> None:
@@ -373,8 +374,6 @@ class LiveSession(Audience):
         for name in areas.keys() - told.keys():
             self._ask("close", area=areas[name], name=name)
 
-    # The robot
-
     def _why_braked(self, now: float) -> str:
         """Return why the robot must brake, in words; "" if it may drive.
 
@@ -387,10 +386,11 @@ class LiveSession(Audience):
             return "nobody drives"
         if self.stopped:
             return "stopped"
+        if self._waits:
+            return ELSEWHERE
         if not self.planner.is_ready:
             return "the planner is being started"
         if self.robot.is_astray and not self._has_arrived and not self._is_planless:
-            self._ask("arrived")  # the drive ends
             self._leave_plan()
             return "stopped"
         if trouble := self.robot.trouble():

@@ -13,9 +13,10 @@ import numpy as np
 from hpop.base.math import wrap
 from hpop.drive.options import perceived_motions
 from hpop.models.execution import clearance_radius
-from hpop.motions import Model
+from hpop.motions import Model, States
 from hpop.problems.problem import Problem
 from hpop.simulation import Command, Crowd, DriveLimits, Pedestrians, SimulatedBase, TrackedPeople, Tracker, Walking
+from hpop.trajectories.contacts import distance_to_outline
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
 
@@ -37,6 +38,16 @@ LOOKS = tuple(0.2 * i for i in range(1, 8))
 """Moments of a look ahead at people, as shares of the time to brake."""
 STILL = 1e-3
 """Speed, m/s or rad/s, below which the robot stands."""
+PARTED = 0.05
+"""Distance, m, of a robot that drives from a path up to which it is still on it."""
+STANDS_OFF = 0.3
+"""Distance, m, from a path up to which a robot that stands can still begin to follow it."""
+OVERSHOOT = 0.15
+"""Distance, m, by which a robot may come to rest behind the place where a new plan stops or turns."""
+LOOK, LOOK_AHEAD = 0.05, 6.0
+"""Time, s, between the moments for which a plan is compared with people before it is driven, and up to the last one."""
+SLIGHT = 0.01
+"""Change of a gap, m, that does not count."""
 KEEPS = 0.1
 """Distance, m, between the surfaces of the robot and of a visitor who waits before it."""
 ASTRAY = 0.4
@@ -103,7 +114,7 @@ class LiveRobot:
 
     def __init__(self, model: Model, base: CommandedBase, delay: float = 0.0) -> None:
         self.base = base
-        limits = DriveLimits.of(model)
+        self._limits = limits = DriveLimits.of(model)
         self.braking = limits.speed / limits.acceleration
         self.turns: tuple[AnnouncedTurn, ...] = ()
         self.arrives = False
@@ -179,6 +190,46 @@ class LiveRobot:
             self._tracker = Tracker(trajectory, delay=self._delay)
         self._zero = self._now - clock
         self._tracker.follow(trajectory, max(clock, 0.0))
+
+    def misses(self, trajectory: Trajectory, elapsed: float) -> bool:
+        """Return whether it is too late to follow a plan, on which the robot is expected at the time ``elapsed``, s.
+
+        The robot has passed the place where the plan leaves the present one, or is too fast to stop or turn there.
+        """
+        if self._tracker is None:
+            return False
+        x, y, _, v, _ = (*self.pose, 0.0, 0.0) if self.stands else self._tracker.at(self.clock)
+        done = trajectory.execution()
+        begin, end = (min(max(elapsed + side * NEAR, 0.0), done.duration) for side in (-1.0, 1.0))
+        times = np.linspace(begin, end, 2 + math.ceil((end - begin) / SAMPLED))
+        states = done.at(times)
+        off = np.hypot(states.x - x, states.y - y)
+        near = off <= off.min() + SAMPLED
+        speeds, _ = done.rates(times)
+        planned = float(np.hypot(speeds.x, speeds.y)[near].max())
+        overshoot = (v * v - planned * planned) / (2.0 * self._limits.acceleration)
+        return bool(off.min() > (STANDS_OFF if self.stands else PARTED) or overshoot > OVERSHOOT)
+
+    def approaches(self, trajectory: Trajectory, elapsed: float, people: Sequence[Walking], radius: float) -> bool:
+        """Return whether a plan leads the robot into a person within `LOOK_AHEAD` s, if people walk on as they do now.
+
+        A person who walks into the robot where it is now does not count.
+
+        elapsed  s, time of the plan now
+        radius   of people, m
+        """
+        done, times = trajectory.execution(), np.arange(0.0, LOOK_AHEAD, LOOK)
+        then = done.at(np.clip(elapsed + times, 0.0, done.duration))
+        names = trajectory.model.space.names
+        here = done.at(np.full(times.size, np.clip(elapsed, 0.0, done.duration)))
+        pose = dict(zip(("x", "y", "yaw"), self.pose, strict=True))
+        here = States(**{name: np.full(times.size, pose.get(name, getattr(here, name)[0])) for name in names})
+        for x, y, vx, vy in people:
+            places = np.stack([x + vx * times, y + vy * times], axis=1)
+            gaps, stays = (distance_to_outline(trajectory.model.platform, each, places) for each in (then, here))
+            if ((gaps < radius) & (gaps < stays - SLIGHT)).any():
+                return True
+        return False
 
     def _nearest(self, done: Trajectory, elapsed: float) -> float:
         """Return the time, s, at which an executed plan is nearest to the robot's pose, within `NEAR` s of ``elapsed``.
