@@ -111,11 +111,11 @@ def save_stimuli(
             which = f"video {name}, {videos.index(name) + 1} of {len(videos)}:"
             written[name] = _save_video(problem, trajectory, target / f"{name}.mp4", which, progress)
         if condition.kind == "view":
-            page = view_page(problem, trajectory, name, condition.duration, said=said)
+            page = view_page(problem, trajectory, name, condition.duration, said=said, language=language)
         else:
             video = f"{STIMULI}/{name}.mp4" if condition.kind == "video" else None
-            levels = dict(condition.factors)
-            page = ride_page(problem, trajectory, name, said=said, levels=levels, video=video)
+            how: dict[str, Any] = {"levels": dict(condition.factors), "video": video, "language": language}
+            page = ride_page(problem, trajectory, name, said=said, **how)
         path = target / f"{name}.html"
         try:
             target.mkdir(parents=True, exist_ok=True)
@@ -169,24 +169,36 @@ def ride_page(
     said: Words | None = None,
     levels: Levels | None = None,
     video: str | None = None,
+    language: str = "en",
 ) -> str:
     """Return the HTML of a page that rides along a trajectory once; ``name`` is the condition's letter.
 
     levels  level by factor
     video   address of a 360 degree video of the ride, which is played in place of the scene; None for the scene
+    language  language code of the texts ``said``
     """
     shown_by = {**shown_part(levels or {}, trajectory, still=False), "video": video}
-    return _page(problem, trajectory, name, {**track(trajectory), "shown": shown_by}, said, is_still=False)
+    return _page(problem, trajectory, name, {**track(trajectory), "shown": shown_by}, (language, said), is_still=False)
 
 
-def view_page(problem: Problem, trajectory: Trajectory, name: str, seconds: float, *, said: Words | None = None) -> str:
-    """Return the HTML of a page that shows the still view at the start of a trajectory for some seconds."""
+def view_page(
+    problem: Problem,
+    trajectory: Trajectory,
+    name: str,
+    seconds: float,
+    *,
+    said: Words | None = None,
+    language: str = "en",
+) -> str:
+    """Return the HTML of a page that shows the still view at the start of a trajectory for some seconds.
+
+    language  language code of the texts ``said``
+    """
     duration = real("seconds", seconds, SHORTEST, LONGEST, "seconds of a still view")
     ridden = track(trajectory)
     still = {part: _held(ridden[part]) for part in ("positions", "quaternions", "links")}
-    return _page(
-        problem, trajectory, name, {"duration": duration, "rate": 1.0 / duration, **still}, said, is_still=True
-    )
+    seen = {"duration": duration, "rate": 1.0 / duration, **still}
+    return _page(problem, trajectory, name, seen, (language, said), is_still=True)
 
 
 def _held(packed: dict[str, Any]) -> dict[str, Any]:
@@ -202,11 +214,12 @@ def _page(
     trajectory: Trajectory,
     name: str,
     ridden: dict[str, Any],
-    said: Words | None,
+    spoken: tuple[str, Words | None],
     *,
     is_still: bool,
 ) -> str:
-    """Return the HTML of a stimulus page."""
+    """Return the HTML of a stimulus page; ``spoken`` is the language and its texts, None for the English ones."""
+    language, said = spoken
     scene = ViewScene.of(problem)
     fov = problem.model.field_of_view
     texts = words("en") if said is None else said
@@ -226,7 +239,7 @@ def _page(
         "licence": licence(),
     }
     may_play = shown_by is not None and shown_by["video"] is not None
-    return single_page("ride.js", name, payload, connect="'self'" if may_play else "'none'")
+    return single_page("ride.js", name, payload, connect="'self'" if may_play else "'none'", language=language)
 
 
 def _without_names(scene: dict[str, Any]) -> dict[str, Any]:

@@ -33,13 +33,18 @@ PAGE = """<!doctype html>
 <title>{title}</title>
 </head>
 <body>
-<noscript>This page needs JavaScript to draw the content of this file. It sends nothing anywhere.</noscript>
+<noscript>{noscript}</noscript>
 <script type="application/json" id="payload">{payload}</script>
 <script type="text/plain" id="bundle">{bundle}</script>
 <script>{loader}</script>
 </body>
 </html>
 """
+NOSCRIPT = {
+    "en": "This page needs JavaScript to draw the content of this file. It sends nothing anywhere.",
+    "de": "Diese Seite braucht JavaScript, um den Inhalt dieser Datei zu zeichnen. Sie sendet nichts.",
+    "fi": "Tämä sivu tarvitsee JavaScriptiä tiedoston sisällön piirtämiseen. Se ei lähetä mitään minnekään.",
+}
 LOADER = """
 (async () => {
   const deflated = Uint8Array.from(atob(document.getElementById("bundle").textContent), (c) => c.charCodeAt(0));
@@ -97,6 +102,7 @@ def single_page(
     )
     return PAGE.format(
         language=html.escape(language),
+        noscript=NOSCRIPT.get(language, NOSCRIPT["en"]),
         policy=policy,
         title=html.escape(printable(title)),
         payload=data,

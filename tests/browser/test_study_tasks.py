@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +18,9 @@ from playwright.sync_api import Browser, FrameLocator, Page, expect
 import hpop
 from hpop import study
 from hpop.study import tasks
+from hpop.study.documents import words
 from hpop.study.page import ride_page
+from hpop.view.single_page import NOSCRIPT
 from tests.browser.rides import front_of, problem_of
 from tests.browser.sessions import served
 
@@ -184,16 +187,23 @@ def filmed(path: Path, seconds: float) -> None:
         file.mux(stream.encode(None))
 
 
-def film_study(folder: Path, seconds: float, *, given: Any = ()) -> study.Design:
+def film_study(
+    folder: Path, seconds: float, *, given: Any = (), forms: tuple[str, ...] = ("comfort",), language: str = "en"
+) -> study.Design:
     """Return a design of two videos, of which each lasts some seconds, with tasks."""
     problem = problem_of(hpop.World.from_polygons([], extent=shapely.box(0, 0, 10, 8)))
     front = front_of(problem, {"straight": [(1, 1), (6, 1)]})
     how: Any = {"factors": {"latency": [0, 0.2]}, "protocol": study.Protocol(rest_s=0, tasks=given)}
-    design = study.Design.of(front, [0], participants=2, consent="x", forms=("comfort",), kind="video", **how)
+    design = study.Design.of(
+        front, [0], participants=2, consent="x", forms=forms, kind="video", language=language, **how
+    )
     design.save(folder)
     (folder / "stimuli").mkdir()
+    spoken: Any = {"said": words(language), "language": language}
     for condition in design.conditions:
-        text = ride_page(problem, front.trajectories[condition.row or 0], condition.id, video=condition.stimulus)
+        text = ride_page(
+            problem, front.trajectories[condition.row or 0], condition.id, video=condition.stimulus, **spoken
+        )
         (folder / condition.stimulus).with_suffix(".html").write_text(text)
         filmed(folder / condition.stimulus, seconds)
     return design
@@ -283,3 +293,99 @@ def test_a_video_that_is_shorter_than_its_ride_never_counts_as_watched(page: Pag
         expect(page.locator("header .saved")).to_have_text("Saved")
     stored = json.loads((tmp_path / "answers" / "p01.json").read_text())
     assert [event["value"] for event in stored["events"] if event["kind"] == "stimulus"] == ["begin", "broken"]
+
+
+TEXTS = """(document) => [...document.querySelectorAll("body *")].flatMap((e) => [
+  ...(e.matches("script, style") ? [] : [...e.childNodes].filter((n) => n.nodeType === 3).map((n) => n.data)),
+  ...["aria-label", "title", "alt", "placeholder", "aria-description"].map((name) => e.getAttribute(name) ?? ""),
+])"""
+
+
+def words_of(*texts: str) -> set[str]:
+    """Return the words of some texts, in small letters."""
+    return {word.lower() for text in texts for word in re.findall(r"[^\W\d_]+", re.sub(r"\{\w+\}", " ", text))}
+
+
+def german(*forms: str) -> set[str]:
+    """Return all words that a German session may show: those of its table of texts and of its forms, and letters."""
+    known = words_of(*words("de").values(), NOSCRIPT["de"], "x p A B s")
+    for form in map(study.Form.load, forms):
+        scales = [scale for scale in (form.scale, *(item.scale for item in form.items)) if scale is not None]
+        known |= words_of(form.title["de"], form.ask["de"], *(item.text["de"] for item in form.items))
+        known |= words_of(*(label for scale in scales for label in scale.labels.get("de", ())))
+        known |= words_of(*(scale.absent.text["de"] for scale in scales if scale.absent))
+    return known
+
+
+def check_german(page: Page, known: set[str], seen: set[str]) -> None:
+    """Check the language of the page and of its frames, and that all of its words are German; collect them."""
+    for frame in page.frames:
+        assert frame.evaluate("document.documentElement.lang") == "de"
+        said = words_of(*frame.evaluate(f"({TEXTS})(document)"))
+        assert said - known == set()
+        seen |= said
+
+
+def answer_all(page: Page) -> None:
+    """Choose the first answer of each question on the page, and go on."""
+    for number in page.locator("fieldset input[type=number]").all():
+        number.fill(number.get_attribute("min") or "0")
+    for group in page.locator("fieldset:has(input[type=radio])").all():
+        group.locator("label").first.click()
+    page.locator("#continue").click()
+
+
+def test_a_german_session_with_videos_is_german_from_consent_to_its_end(page: Page, tmp_path: Path) -> None:
+    """Every text, label and title on the page and in the player is from the German table or a form in German."""
+    forms = ("mssq", "ssq", "comfort", "preference")
+    given = {**TASKS, "rating": {"every": 3, "shown": 2.5}}
+    design = film_study(tmp_path, 8.0, given=given, forms=forms, language="de")
+    known, seen = german(*forms), set[str]()
+    kinds: list[str] = []
+    with served(tmp_path) as server:
+        page.goto(f"{server.address()}p01")
+        page.locator("#agree").wait_for()
+        check_german(page, known, seen)
+        page.get_by_role("button", name="Sitzung beginnen", exact=True).click()  # before agreeing
+        check_german(page, known, seen)
+        page.locator("#agree").check()
+        page.get_by_role("button", name="Sitzung beginnen", exact=True).click()
+        page.get_by_role("button", name="Abbrechen", exact=True).click()
+        check_german(page, known, seen)
+        page.get_by_role("button", name="Weitermachen", exact=True).click()
+        end = page.locator("h1", has_text="Vielen Dank")
+        film, go_on = page.get_by_role("button", name="Das Video hier abspielen"), page.locator("#continue")
+        jerky = page.locator(".over button", has_text="Weiter")
+        while True:
+            expect(end.or_(film).or_(go_on).or_(jerky).first).to_be_visible()
+            check_german(page, known, seen)
+            kinds.append(page.locator("h1").inner_text() if page.locator("h1").count() else "")
+            if end.is_visible():
+                break
+            if film.is_visible():
+                film.click()
+                frame = page.frame_locator("iframe")
+                frame.locator("#start").wait_for()
+                check_german(page, known, seen)  # the tasks are explained
+                frame.locator("#start").click()
+                frame.get_by_role("button", name="7", exact=True).wait_for()  # the question during the video
+                check_german(page, known, seen)
+                frame.get_by_role("button", name="7", exact=True).click()
+                frame.get_by_role("button", name="Anhalten").click()
+                check_german(page, known, seen)
+                frame.get_by_role("button", name="Fortsetzen").click()
+            elif jerky.is_visible():
+                jerky.click()
+            elif page.locator("h1", has_text="Wie viele tiefe Töne").count():
+                page.locator("input").fill("5")
+                go_on.click()
+            else:
+                answer_all(page)
+        expect(page.locator("main")).to_contain_text("Alle Ihre Antworten sind gespeichert.")
+    (session,) = study.Answers.load(tmp_path).sessions
+    assert session.ended
+    assert session.lacking(design) == []
+    assert [one.played for one in session.videos(design)] == [True, True]
+    assert next(event.value for event in session.events if event.item == "rating")["value"] == 7
+    for said in ("task_counting_about", "video_about", "rest_about", "compare_none", "remarks_about", "stop_about"):
+        assert words_of(words("de")[said]) <= seen | words_of("{seconds}")  # these pages were seen
