@@ -117,8 +117,8 @@ def _number(text: str) -> str | float:
     multiple=True,
     callback=listed,
     default=["ssq,comfort"],
-    help="Questionnaires: ssq, vrsq, csq_vr, fms, nasa_tlx, comfort, naturalness, gaming, mssq, or files of your own. "
-    "[ssq,comfort]",
+    help="Questionnaires: ssq, vrsq, csq_vr, fms, nasa_tlx, sus, comfort, naturalness, gaming, mssq, or files of your "
+    "own. [ssq,comfort]",
 )
 @click.option(
     "--comparisons/--no-comparisons",

@@ -123,12 +123,13 @@ class Item(_Part):
 class Score(_Part):
     """Number that a form computes from answers. Exactly one of subscale, of, mean_of and sum_of is given.
 
-    What it gives is multiplied by ``times`` and divided by ``out_of``.
+    To what it gives, ``plus`` is added; the result is multiplied by ``times`` and divided by ``out_of``.
 
     subscale  the raw sum of the items in this subscale
     of        the sum of the raw sums of several subscale scores (the total of the SSQ)
     mean_of   the mean of several scores
     sum_of    the sum of several scores
+    plus      number that is added
     times     factor
     out_of    divisor
     """
@@ -138,6 +139,7 @@ class Score(_Part):
     of: Names = ()
     mean_of: Names = ()
     sum_of: Names = ()
+    plus: float = 0
     times: float = 1
     out_of: Annotated[float, Field(gt=0)] = 1
 
@@ -343,7 +345,7 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
     raw = {name: _raw(form, name, answered, prorate) for name in subscales}
     made: dict[str, float] = {}
     for one in form.scores:
-        made[one.name] = round(_sum_of(form, one, raw, made) * one.times / one.out_of, DIGITS)
+        made[one.name] = round((_sum_of(form, one, raw, made) + one.plus) * one.times / one.out_of, DIGITS)
     return made
 
 
@@ -396,7 +398,10 @@ def _summand(form: Form, item: Item, value: float) -> float:
 
 
 def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """Return a score before ``times`` and ``out_of``, from ``raw`` sums by subscale and the scores ``made`` so far."""
+    """Return a score before ``plus``, ``times`` and ``out_of``, from the ``raw`` sums by subscale.
+
+    ``made`` has the scores so far.
+    """
     if one.subscale is not None:
         return raw[one.subscale]
     if one.of:

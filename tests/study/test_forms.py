@@ -38,7 +38,20 @@ def written(folder: Path, text: str) -> Path:
 
 def test_the_forms_that_hpop_brings():
     assert shipped() == (
-        *("comfort", "csq_vr", "fms", "gaming", "ipq", "mssq", "nasa_tlx", "naturalness", "preference", "ssq", "vrsq"),
+        *(
+            "comfort",
+            "csq_vr",
+            "fms",
+            "gaming",
+            "ipq",
+            "mssq",
+            "nasa_tlx",
+            "naturalness",
+            "preference",
+            "ssq",
+            "sus",
+            "vrsq",
+        ),
     )
 
 
@@ -96,8 +109,8 @@ def test_a_form_that_compares_pairs_has_no_scale(tmp_path):
 
 
 def test_unknown_forms_and_files_that_are_not_there_are_said(tmp_path):
-    with pytest.raises(StudyError, match=r"unknown form 'sqs'. Did you mean 'ssq'"):
-        Form.load("sqs")
+    with pytest.raises(StudyError, match=r"unknown form 'sssq'. Did you mean 'ssq'"):
+        Form.load("sssq")
     with pytest.raises(StudyError, match="no such file"):
         Form.load(tmp_path / "absent.yaml")
     with pytest.raises(StudyError, match="expected a valid form, got at title: Field required; at source"):

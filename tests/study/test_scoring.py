@@ -112,6 +112,18 @@ def test_scores_of_the_vrsq():
     assert score(form, answers) == pytest.approx({"oculomotor": 25, "disorientation": 20, "total": 22.5})
 
 
+def test_the_sus_is_scored_as_its_author_does():
+    """Brooke 1996: position - 1 of odd statements, 5 - position of even ones, added up, times 2.5."""
+    form = Form.load("sus")
+    assert [item.reverse for item in form.items] == [False, True] * 5
+    for positions in ([1, 5] * 5, [5, 1] * 5, [3] * 10, [4, 2, 5, 1, 3, 3, 5, 2, 4, 1], [1] * 10):
+        brooke = 2.5 * (sum(p - 1 for p in positions[::2]) + sum(5 - p for p in positions[1::2]))
+        answers = {item.id: p for item, p in zip(form.items, positions, strict=True)}
+        assert score(form, answers) == {"usability": brooke}
+    del answers["learn"]
+    assert isnan(score(form, answers)["usability"])
+
+
 def test_transport_that_was_never_used_is_left_out_of_the_mssq():
     form = Form.load("mssq")
     answers = {item.id: 1 for item in form.items} | {"child_ship": -1, "child_boat": -1, "child_swing": -1}
