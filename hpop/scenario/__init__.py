@@ -4,7 +4,7 @@
 
     world:
       ros_map: {path: office/map.yaml}      # or movingai, geojson, image, dxf, pdf, ros_bag, polygons, moveit_scene,
-                                            # point_cloud, solids, a reader of an installed package
+                                            # point_cloud, solids, commonroad, a reader of an installed package
     model:
       differential_drive: {radius: 0.3, camera_height: 1.2}
     view: {turning: unwound}                # optional: the picture of its 360-degree camera is turned back (or: level)
@@ -75,6 +75,7 @@ from hpop.problems.problem import Problem
 from hpop.runtime import limits
 from hpop.scenario.events import groups_of, people_of
 from hpop.scenario.faults import Faults
+from hpop.scenario.roads import with_planning_problem
 from hpop.scenario.schema import (
     DEFAULT_MODEL,
     DEFAULT_PLANNER,
@@ -164,6 +165,7 @@ def read_scenario(document: Document, worlds: dict[str, World]) -> Scenario:
                 place = ("planner", i) if isinstance(asked, list) else ("planner",)
                 default = f"no planner is given, and the default is {DEFAULT_PLANNER}: " * ("planner" not in given)
                 faults.add((*place, cast(Planner, planner).name), f"{default}{error}", UnsupportedModel)
+    given = with_planning_problem(faults, given, file)
     robot = model if isinstance(model, Model) else None
     space = None if robot is None else robot.space
     start: Any = faults.state(given["start"], ("start",), space) if "start" in given else None
@@ -354,7 +356,8 @@ def _furnished(world: World, section: WorldSection, folder: Path, content: Conte
         world = _with_notes(world, notes)
     if not (content.people or landmarks or zones):
         return world
-    return world.with_content(people=content.people, groups=content.groups, landmarks=landmarks, zones=zones)
+    people, zones = content.people + world.content.people, zones + world.content.zones  # those of a road come last
+    return world.with_content(people=people, groups=content.groups, landmarks=landmarks, zones=zones)
 
 
 def _content_file(file: str | ContentFile, folder: Path) -> Path | dict[str, Any]:

@@ -215,6 +215,15 @@ class SolidEntry(_Strict):
     name: str = ""  # in messages and pictures
 
 
+class CommonRoad(MapFile):
+    """Road in CommonRoad XML; with ``start: planning_problem``, or this as goal, they are those of the file."""
+
+    beside = frozenset({"planning_problem"})
+    height: Heights | None = None  # m, [z_min, z_max] of obstacles; unlimited by default
+    traffic: bool = True  # whether vehicles that move are read
+    planning_problem: int | None = None  # number of the planning problem, if the file has several
+
+
 class Solids(_Strict):
     """Solids in space; robots in the plane stay in ``extent``, by default the bounding box and 1 m on each side."""
 
@@ -236,6 +245,7 @@ class WorldSection(_Strict):
     moveit_scene: MoveItScene | None = None
     point_cloud: PointCloud | None = None
     solids: Solids | None = None
+    commonroad: CommonRoad | None = None
 
 
 class ReaderFile(BaseModel):

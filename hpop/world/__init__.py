@@ -7,6 +7,7 @@ from hpop.world.fields.measured import MeasuredField
 from hpop.world.geometry.shapes import Obstacle, Raster
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere, pose_at
 from hpop.world.ground import Ground
+from hpop.world.readers.commonroad import PlanningProblem, planning_problem
 from hpop.world.readers.measured import read_field
 from hpop.world.tracks import Track, read_tracks
 from hpop.world.world import World
@@ -21,11 +22,13 @@ __all__ = [
     "MeasuredField",
     "Obstacle",
     "Person",
+    "PlanningProblem",
     "Raster",
     "Solid",
     "Sphere",
     "Track",
     "World",
+    "planning_problem",
     "pose_at",
     "read_field",
     "read_tracks",

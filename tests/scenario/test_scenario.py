@@ -264,7 +264,9 @@ def test_a_world_that_cannot_be_read_is_a_map_error_with_its_line(tmp_path: Path
 def test_no_world_at_all_lists_the_ways_to_give_one(tmp_path: Path) -> None:
     text = "world: {}\nstart: [0, 0, 0]\ngoal: [1, 1, 0]\ncriteria: [length]\n"
     (message,) = faults(scenario(tmp_path, text=text))
-    every = "ros_map, ros_bag, movingai, geojson, image, dxf, pdf, polygons, moveit_scene, point_cloud, solids"
+    every = (
+        "ros_map, ros_bag, movingai, geojson, image, dxf, pdf, polygons, moveit_scene, point_cloud, solids, commonroad"
+    )
     assert f"{every}; got none" in message
 
 

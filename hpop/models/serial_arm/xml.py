@@ -10,8 +10,7 @@ import math
 import os
 from pathlib import Path
 from typing import Any
-from xml.etree.ElementTree import Element, TreeBuilder
-from xml.parsers import expat
+from xml.etree.ElementTree import Element
 
 import numpy as np
 
@@ -19,12 +18,12 @@ from hpop.base.arrays import FloatArray
 from hpop.base.files import read_regular
 from hpop.base.options import MOST
 from hpop.base.text import printable, shown
+from hpop.base.xml import parsed_xml
 from hpop.errors import ModelError, meant_file
 
 MOST_BYTES = 10_000_000
 """Size of the largest file that is read."""
 MOST_ELEMENTS = 100_000
-MOST_NESTED = 50
 LONGEST_NAME = 200
 """Largest number of characters in a link's or joint's name."""
 NEARLY = 1e-11
@@ -44,7 +43,7 @@ class XmlFile:
         self.what = what
         self.path = Path(checked_path(path, what))
         self.data = file_bytes(self.path, what, most_bytes)
-        self.root = self._parsed()
+        self.root = parsed_xml(self.data, self.error, MOST_ELEMENTS, "remove what the arm does not need")
         if tag and self.root.tag != tag:
             raise self.error(
                 f"its outermost element must be <{tag}>, got <{printable(self.root.tag)[:80]}>; give a {what} file"
@@ -91,40 +90,6 @@ class XmlFile:
             kind = "a number" if count == 1 else f"{count} numbers"
             raise self.error(f"{where} must be {kind} of at most {MOST:,.0f}, got {shown(given)}")
         return np.array(values)
-
-    def _parsed(self) -> Element:
-        """Parse the file and return its outermost element; ModelError if it is no XML, or refused XML."""
-        builder, parser, nested, elements = TreeBuilder(), expat.ParserCreate(), 0, 0
-
-        def refuse(*_: Any) -> None:
-            raise self.error(
-                "it must not have a document type or entities; replace each entity by its contents, remove <!DOCTYPE>"
-            )
-
-        def start(tag: str, attributes: dict[str, str]) -> None:
-            nonlocal nested, elements
-            nested, elements = nested + 1, elements + 1
-            if nested > MOST_NESTED or elements > MOST_ELEMENTS:
-                raise self.error(
-                    f"it must have at most {MOST_ELEMENTS:,} elements, nested at most {MOST_NESTED} deep, but it has "
-                    "more; remove what the arm does not need"
-                )
-            builder.start(tag, attributes)
-
-        def end(tag: str) -> None:
-            nonlocal nested
-            nested -= 1
-            builder.end(tag)
-
-        parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
-        parser.StartElementHandler, parser.EndElementHandler = start, end
-        try:
-            parser.Parse(self.data, True)
-        except (expat.ExpatError, ValueError, LookupError) as error:
-            if isinstance(error, ModelError):
-                raise
-            raise self.error(f"it must be XML, but cannot be parsed ({printable(error)[:80]}); correct it") from None
-        return builder.close()
 
 
 def checked_path(path: Any, what: str) -> str:

@@ -23,9 +23,10 @@ from hpop.base.text import shown
 from hpop.errors import HpopError, MapError, did_you_mean
 from hpop.runtime.limits import LimitPassed
 from hpop.world.files import named
-from hpop.world.readers import drawing, geojson, image, moveit_scene, point_cloud, ros_map
+from hpop.world.readers import commonroad, drawing, geojson, image, moveit_scene, point_cloud, ros_map
 from hpop.world.world import World
 
+readers.add("commonroad", commonroad.read)
 readers.add("dxf", drawing.read_dxf)
 readers.add("geojson", geojson.read)
 readers.add("image", image.read)
@@ -46,6 +47,7 @@ ENDINGS = {
     ".pdf": "pdf",
     **dict.fromkeys((".pcd", ".ply"), "point_cloud"),
     ".scene": "moveit_scene",
+    ".xml": "commonroad",
 }
 """Endings of file names, each with the name of its reader."""
 MOST_MAPS = 3  # maps that are named in a folder
@@ -55,8 +57,14 @@ CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326
 OTHERS = {
     **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
     ".zip": "unpack it",
+    ".xodr": "convert it to CommonRoad, such as by crdesigner --input-file {} --output-file road.xml odrcr (pip install "
+    "commonroad-scenario-designer)",
     ".topojson": "convert it to GeoJSON, such as by mapshaper {} -o format=geojson plan.geojson",
-    **dict.fromkeys((".osm", ".pbf"), "convert it to GeoJSON, such as by osmtogeojson"),
+    **dict.fromkeys(
+        (".osm", ".pbf"),
+        "convert it to GeoJSON, such as by osmtogeojson; a road of lanelet2 to "
+        "CommonRoad, such as by crdesigner --input-file {} --output-file road.xml lanelet2cr",
+    ),
     **dict.fromkeys((".dwg", ".rvt", ".skp", ".ifc"), "save it as DXF"),
     **dict.fromkeys(
         (".bt", ".ot"),

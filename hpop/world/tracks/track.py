@@ -19,6 +19,8 @@ from hpop.errors import MapError
 
 FASTEST = 10.0
 """Speed, m/s, above which a unit or frame rate must be wrong: no person in a building runs faster."""
+FASTEST_VEHICLE = 100.0
+"""Speed, m/s, above which the track of a vehicle must be wrong."""
 MOST_POINTS = 100_000
 """Largest number of points of a track: more than an hour at 25 per second."""
 
@@ -31,9 +33,10 @@ class Track:
     times     (N,)  s  rising, at least two; 0 is now, and earlier times are allowed
     x, y      (N,)  m
     recorded  whether it is a recording rather than a prediction; a recording is not cut at walls and horizons
+    vehicle   whether a vehicle moves, which may be faster than a person
 
     Raises MapError for times that do not rise, invalid numbers, fewer than two points, or a speed above ``FASTEST``
-    (for a recording its mean speed, because single points may be wrong).
+    (for a recording its mean speed, because single points may be wrong); of a vehicle, above ``FASTEST_VEHICLE``.
 
     >>> track = Track.through([(0, 0.0, 0.0), (2, 2.0, 0.0), (3, 2.0, 1.0)])
     >>> [float(column) for column in track.at(2.5)], [float(column) for column in track.velocity(2.5)]
@@ -44,11 +47,13 @@ class Track:
     x: FloatArray
     y: FloatArray
     recorded: bool = False
+    vehicle: bool = False
 
     def __post_init__(self) -> None:
         for name, most in (("times", MOST), ("x", FARTHEST), ("y", FARTHEST)):
             object.__setattr__(self, name, _column(name, getattr(self, name), most))
-        object.__setattr__(self, "recorded", truth("recorded", self.recorded, error=MapError))
+        for name in ("recorded", "vehicle"):
+            object.__setattr__(self, name, truth(name, getattr(self, name), error=MapError))
         count = self.times.size
         if not count == self.x.size == self.y.size:
             raise MapError(
@@ -70,9 +75,10 @@ class Track:
         with np.errstate(over="ignore"):  # for times 1e-320 s apart, which are refused
             legs, whole = ways / steps, ways.sum() / np.float64(self.end - self.begin)
         speed = whole if self.recorded and np.isfinite(legs).all() else legs.max()
-        if speed > FASTEST:
+        most, whose = (FASTEST_VEHICLE, "any vehicle goes") if self.vehicle else (FASTEST, "anybody runs")
+        if speed > most:
             raise MapError(
-                f"a track has a speed of {speed:.3g} m/s, faster than anybody runs ({FASTEST:g} m/s). Positions are in "
+                f"a track has a speed of {speed:.3g} m/s, faster than {whose} ({most:g} m/s). Positions are in "
                 "m and times in s: check the unit (cm, mm?) and the frame rate."
             )
 
@@ -155,7 +161,7 @@ class Track:
     def describe(self) -> dict[str, Any]:
         """Return a JSON-able description: the constructor's arguments."""
         columns = {"times": self.times.tolist(), "x": self.x.tolist(), "y": self.y.tolist()}
-        return {**columns, **({"recorded": True} if self.recorded else {})}
+        return {**columns, **{name: True for name in ("recorded", "vehicle") if getattr(self, name)}}
 
     @cached_property
     def _velocities(self) -> tuple[FloatArray, FloatArray]:
@@ -190,7 +196,8 @@ class Track:
         if not isinstance(other, Track):
             return NotImplemented
         pairs = ((self.times, other.times), (self.x, other.x), (self.y, other.y))
-        return self.recorded == other.recorded and all(np.array_equal(own, others) for own, others in pairs)
+        kinds = (self.recorded, self.vehicle), (other.recorded, other.vehicle)
+        return kinds[0] == kinds[1] and all(np.array_equal(own, others) for own, others in pairs)
 
     def __hash__(self) -> int:
         return hash((self.recorded, self.times.tobytes(), self.x.tobytes(), self.y.tobytes()))
