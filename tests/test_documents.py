@@ -85,6 +85,25 @@ LEARNT = {
 }  # fmt: skip
 
 
+def at(x: float, y: float, step: int) -> str:
+    """State of a car of a CommonRoad file."""
+    place = f"<position><point><x>{x}</x><y>{y}</y></point></position>"
+    return f"{place}<orientation><exact>0</exact></orientation><time><exact>{step}</exact></time>"
+
+
+#: Road of one lane with a limit, a car that drives on it, and a goal behind that car.
+ROAD = f"""<commonRoad commonRoadVersion="2018b" timeStepSize="0.1">
+<lanelet id="1"><leftBound><point><x>0</x><y>4</y></point><point><x>60</x><y>4</y></point></leftBound>
+<rightBound><point><x>0</x><y>0</y></point><point><x>60</x><y>0</y></point></rightBound>
+<speedLimit>8</speedLimit></lanelet>
+<obstacle id="2"><role>dynamic</role><type>car</type>
+<shape><rectangle><length>4.5</length><width>1.8</width></rectangle></shape>
+<initialState>{at(20, 2, 0)}</initialState><trajectory><state>{at(40, 2, 40)}</state></trajectory></obstacle>
+<planningProblem id="3"><initialState>{at(3, 2, 0)}</initialState>
+<goalState><position><circle><radius>2</radius><center><x>30</x><y>2</y></center></circle></position></goalState>
+</planningProblem></commonRoad>"""
+
+
 @pytest.fixture(scope="module")
 def tour() -> hpop.Problem:
     museum = hpop.examples.museum()
@@ -113,6 +132,7 @@ def here(tmp_path: Path, preference: Path, monkeypatch: pytest.MonkeyPatch) -> P
     (tmp_path / "wifi.csv").write_text("x,y,wifi\n2,10,-50\n4,10,-60\n")
     Image.new("L", (80, 80)).save(tmp_path / "latency.png")
     (tmp_path / "visitors.csv").write_text("1,1500,4,9\n1,1600,6,9\n")  # id, frame, x, y
+    (tmp_path / "road.xml").write_text(ROAD)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
