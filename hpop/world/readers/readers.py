@@ -57,8 +57,8 @@ CONVERT = "convert it to GeoJSON, such as by ogr2ogr -f GeoJSON -t_srs EPSG:4326
 OTHERS = {
     **dict.fromkeys((".shp", ".gpkg", ".kml", ".gml", ".gdb", ".fgb", ".parquet", ".gpx"), CONVERT),
     ".zip": "unpack it",
-    ".xodr": "convert it to CommonRoad, such as by crdesigner --input-file {} --output-file road.xml odrcr (pip install "
-    "commonroad-scenario-designer)",
+    ".xodr": "convert it to CommonRoad, such as by crdesigner --input-file {} --output-file road.xml odrcr (pip "
+    "install commonroad-scenario-designer)",
     ".topojson": "convert it to GeoJSON, such as by mapshaper {} -o format=geojson plan.geojson",
     **dict.fromkeys(
         (".osm", ".pbf"),
