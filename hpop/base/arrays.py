@@ -15,6 +15,7 @@ BoolArray = NDArray[np.bool_]  #: A NumPy array of bool.
 Column = Any
 N = TypeVar("N", bound=np.generic)
 T = TypeVar("T")
+SUMMED = 2**20  # values that :func:`running_sums` adds up in one step
 
 
 def distinct(values: NDArray[N]) -> NDArray[N]:
@@ -115,3 +116,24 @@ def numbered(counts: IntArray) -> tuple[IntArray, IntArray]:
     """
     group = np.repeat(np.arange(counts.size), counts)
     return group, np.arange(group.size) - np.repeat(np.cumsum(counts) - counts, counts)
+
+
+def running_sums(steps: FloatArray, sizes: IntArray) -> FloatArray:
+    """Return the cumulative sums (N,) of ``steps`` (N,), which begin again at 0 in each of n stretches.
+
+    sizes  (n,)  number of steps of each stretch
+
+    >>> running_sums(np.array([1.0, 2.0, 3.0]), np.array([2, 0, 1])).tolist()
+    [1.0, 3.0, 3.0]
+    """
+    running = np.empty(steps.size)
+    ends = np.append(0, np.cumsum(sizes))
+    at_once = max(1, SUMMED // max(1, int(sizes.max(initial=0))))
+    for begin in range(0, sizes.size, at_once):
+        own = sizes[begin : begin + at_once]
+        part = slice(ends[begin], ends[begin + own.size])
+        inside = np.arange(own.max()) < own[:, None]
+        rows = np.zeros(inside.shape)
+        rows[inside] = steps[part]
+        running[part] = np.cumsum(rows, axis=1)[inside]
+    return running

@@ -295,7 +295,7 @@ class DriveGraph:
     @cached_property
     def _named(self) -> NDArray[np.int32]:
         """Node (m,) that follows the tail of each arc in a path."""
-        return named_heads(self.graph, self.query.space, self.inner)
+        return named_heads(self.graph, self.query.space)
 
     def known_routes(self, paths: Sequence[IntArray]) -> KnownRoutes:
         """Return known paths, given by their arcs, with their remaining costs."""

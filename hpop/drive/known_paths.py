@@ -18,7 +18,7 @@ from hpop.drive.plan import SAME, closed_trajectories, joined, part, speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import States
 from hpop.planners.base import Candidates
-from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
+from hpop.planners.graphs.trajectory_graph import NO_MARKER
 from hpop.planners.objectives import Objectives
 from hpop.runtime.limits import Status
 from hpop.search import Graph
@@ -171,17 +171,13 @@ def places_of_nodes(trajectory: Trajectory) -> tuple[IntArray, FloatArray]:
     return places, np.insert(speed_of(trajectory.states), before_end, np.repeat(classes[slow], 2))
 
 
-def named_heads(graph: Graph, space: TrajectoryGraph, inner: StateGraph) -> NDArray[np.int32]:
+def named_heads(graph: Graph, space: TrajectoryGraph) -> NDArray[np.int32]:
     """Return the node (m,) that follows the tail of each arc of a graph in a path: its head, or a marker before it.
 
     graph  arcs of ``space``
-    inner  the graph without added nodes, of which some arcs may have markers (:attr:`.StateGraph.markers`)
     """
-    if inner.markers is None:
-        return graph.heads
-    heads, (own, _) = graph.heads.copy(), space.order
-    heads[own] = np.where(inner.markers == NO_MARKER, heads[own], inner.markers)
-    return heads
+    markers = space.markers
+    return graph.heads if markers is None else np.where(markers == NO_MARKER, graph.heads, markers).astype(np.int32)
 
 
 def arcs_between(graph: Graph, named: NDArray[np.int32], tails: IntArray, heads: IntArray) -> IntArray:

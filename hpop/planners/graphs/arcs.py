@@ -191,7 +191,6 @@ def _charges_every_turn(graph: Graph, column: int, turned: NDArray[np.int8]) -> 
 # up, or the worst is taken, and the result is rounded once for each chain.
 
 
-NODES = 2**31  # more nodes than any graph has
 REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state that it should reach
 
 
@@ -199,13 +198,15 @@ REACHED = 1e-6  # m or rad: largest difference of a chain's end from the state t
 class MotionChains:
     """C chains of motions, each of which is one arc between two nodes of a graph.
 
-    All chains have the same sequence of legs, such as turn, move, turn; a chain may skip some of them.
+    All chains have the same sequence of legs, such as turn, move, turn; a chain may skip some of them. Several chains
+    may connect the same two nodes, if each has another choice of speed and turn rate.
 
     graph         graph with the model and world for collision checks
     tails, heads  (C,)  nodes at which each chain begins and ends
     kinds         kind of motion of each leg, such as ("turn", "move", "turn")
     corners       states (C,) before the first leg and after each leg
     present       for each leg a mask (C,): False for the chains that skip this leg
+    choices       (C,)  number of each chain's choice of speed and turn rate; 0 for the fastest
     """
 
     graph: TrajectoryGraph
@@ -214,6 +215,7 @@ class MotionChains:
     kinds: tuple[str, ...]
     corners: tuple[States, ...]
     present: tuple[BoolArray, ...]
+    choices: IntArray
 
     @classmethod
     def connecting(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
@@ -223,19 +225,30 @@ class MotionChains:
 
         tails, heads  (C,)  nodes of a and b
         """
+        return graph.driven(cls._connecting(graph, tails, heads, a, b))
+
+    @classmethod
+    def _connecting(
+        cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States
+    ) -> MotionChains:
+        """Return the chains of :meth:`connecting`, but without any changes of speed."""
         kinds, corners, present = zip(*graph.model.connect(a, b), strict=True)
         if unknown := set(kinds) - graph.model.laws.keys():
             raise ModelError(
                 f"the model's method connect must use only kinds of motion that are in its laws, "
                 f"{sorted(graph.model.laws)}, got {sorted(unknown)}; add these to the laws"
             )
-        return graph.driven(cls(graph, tails, heads, kinds, (a, *corners), present))
+        return cls(graph, tails, heads, kinds, (a, *corners), present, np.zeros(tails.size, np.int64))
 
     @classmethod
     def between(cls, graph: TrajectoryGraph, tails: IntArray, heads: IntArray, a: States, b: States) -> MotionChains:
-        """Return the chains of :meth:`connecting` that are free of collisions and do reach b; leave out the others."""
-        chains = cls.connecting(graph, tails, heads, a, b)
-        return chains.take(np.flatnonzero(chains.free() & chains.reach(b)))
+        """Return the chains of :meth:`connecting` that are free of collisions and do reach b; leave out the others.
+
+        They are returned in each choice of speed and turn rate that the graph has for chains.
+        """
+        chains = cls._connecting(graph, tails, heads, a, b)
+        fastest = graph.driven(chains)
+        return graph.in_choices(chains.take(np.flatnonzero(fastest.free() & fastest.reach(b))))
 
     @classmethod
     def all_of(cls, parts: Sequence[MotionChains]) -> MotionChains:
@@ -251,6 +264,7 @@ class MotionChains:
             parts[0].kinds,
             tuple(corners),
             tuple(np.concatenate(columns) for columns in zip(*(part.present for part in parts), strict=True)),
+            np.concatenate([part.choices for part in parts]),
         )
 
     def take(self, rows: IntArray) -> MotionChains:
@@ -262,13 +276,18 @@ class MotionChains:
             self.kinds,
             tuple(states.take(rows) for states in self.corners),
             tuple(present[rows] for present in self.present),
+            self.choices[rows],
         )
 
-    def rows(self, tails: IntArray, heads: IntArray) -> IntArray:
-        """Return the indices (N,) of the chains from ``tails`` (N,) to ``heads`` (N,); there must be such chains."""
-        keys, wanted = self.tails * NODES + self.heads, tails * NODES + heads
+    def rows(self, tails: IntArray, heads: IntArray, choices: IntArray) -> IntArray:
+        """Return the indices (N,) of the chains from ``tails`` (N,) to ``heads`` (N,) with these choices (N,).
+
+        There must be such chains.
+        """
+        nodes = 1 + max(int(column.max(initial=0)) for column in (self.tails, self.heads))
+        keys = (self.choices * nodes + self.tails) * nodes + self.heads
         ranked = np.argsort(keys, kind="stable")
-        return ranked[np.searchsorted(keys[ranked], wanted)]
+        return ranked[np.searchsorted(keys[ranked], (choices * nodes + tails) * nodes + heads)]
 
     def count(self, kinds: Sequence[str]) -> IntArray:
         """Return the number (C,) of motions of the given kinds in each chain."""

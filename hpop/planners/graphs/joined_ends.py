@@ -16,14 +16,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied, inserted
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, N, copied, inserted
 from hpop.criteria.base import Criterion
 from hpop.errors import QueryError
-from hpop.motions import States, StateSpace
+from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.state_graph import UNMOVED as UNMOVED  # imported from here by others
 from hpop.planners.graphs.state_graph import StateGraph, WrappedGraph
-from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph
+from hpop.planners.graphs.trajectory_graph import NO_MARKER, Stretches, TrajectoryGraph, unmarked
 from hpop.planners.needs import elsewhere
 from hpop.search import Graph
 
@@ -94,30 +94,23 @@ def with_ends(graph: StateGraph, problem: Problem, reach: float, *, beside: bool
 def states_at(graph: StateGraph, end: States) -> list[int]:
     """Return the numbers of the graph's collision-free states that equal a start or goal ``end`` (1,).
 
-    A NaN in ``end`` matches any value.
+    A NaN in ``end`` matches any value. Angles may differ by HEADING_TOLERANCE, other coordinates by UNMOVED.
     """
-    ids = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED)
+    ids, space = graph.near(float(end.x[0]), float(end.y[0]), UNMOVED), graph.model.space
     states = graph.states(ids)
-    free = graph.collision.states_free(states)
-    return [int(id_) for id_ in ids[free & matches(graph.model.space, states, end)]]
-
-
-def matches(space: StateSpace, states: States, end: States) -> BoolArray:
-    """Return which states (M,) equal a start or goal ``end`` (1,); a NaN in ``end`` matches any value.
-
-    Angles may differ by HEADING_TOLERANCE, other coordinates by UNMOVED.
-    """
-    is_end = np.ones(states.size, dtype=np.bool_)
+    is_end = graph.collision.states_free(states)
     for name, off in space.differences(end, states).items():
         is_end &= ~(np.abs(off) > (HEADING_TOLERANCE if name in space.angles else UNMOVED))
-    return is_end
+    return [int(id_) for id_ in ids[is_end]]
 
 
 @dataclass(frozen=True, eq=False)
 class JoinedEnds(WrappedGraph):
     """Graph of states with additional nodes for a start, goals or stops that do not equal any of its states.
 
-    Arcs that connect these nodes (ends) to states, or the start to another end, are called joins.
+    Arcs that connect these nodes (ends) to states, or the start to another end, are called joins. If joins may choose
+    among speeds and turn rates, there is a further node for each choice but the fastest, the marker: a path that takes
+    a join with this choice names it by the marker, between the ends of the join. No arc leads to a marker.
 
     inner  original graph; the additional nodes have the numbers after its states
     ends   state (1,) of each additional node, by name: "start" first, then goals, then stops; NaN in a coordinate that
@@ -177,8 +170,26 @@ class JoinedEnds(WrappedGraph):
 
     @property
     def size(self) -> int:
-        """Number of nodes: the states of the inner graph, and the added start, goals and stops."""
-        return self.inner.size + len(self.ends)
+        """Number of nodes: the states of the inner graph, the added start, goals and stops, and markers."""
+        return self._no_choice + 1 + int(self.joins.choices.max(initial=0))
+
+    @property
+    def _no_choice(self) -> int:
+        """Number of the last added node; adding the number of a choice gives its marker."""
+        return self.inner.size + len(self.ends) - 1
+
+    def is_marker(self, nodes: IntArray) -> BoolArray:
+        """Return a mask (N,): True for nodes that only say with which speed or turn rate a path takes an arc."""
+        return self.inner.is_marker(nodes) | (nodes > self._no_choice)
+
+    @cached_property
+    def markers(self) -> IntArray | None:
+        """Marker (m,) of each arc of `graph`, NO_MARKER for arcs without one; None if there is only one choice."""
+        if self.inner.markers is None and not self.joins.choices.any():
+            return None
+        none = np.full(self.inner.arcs.heads.size, NO_MARKER)
+        own = np.where(self.joins.choices > 0, self._no_choice + self.joins.choices, NO_MARKER)
+        return self.with_joins(none if self.inner.markers is None else self.inner.markers, own)
 
     @property
     def words(self) -> str:
@@ -186,13 +197,14 @@ class JoinedEnds(WrappedGraph):
         counts = self.options["joined"]
         joined = [f"the {what} joined to {count} positions" for what, count in counts.items() if what not in self.stops]
         joined += [f"{len(self.stops)} states of stops joined to positions"] if self.stops else []
-        words = f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {self.join_words}"
-        return f"{words}, turning at the largest rate" if self.slower_turns else words
+        return f"{self.inner.words}, {' and '.join(joined)} within {self.reach:g} m by {self.join_words}"
 
     @property
     def join_words(self) -> str:
         """Motions of which a join consists, for messages: "at most a turn, a move and a turn"."""
-        return f"at most a {', a '.join(self.joins.kinds[:-1])} and a {self.joins.kinds[-1]}"
+        slower = {kind for pace in self.slower_turns for kind in pace.values()}
+        *kinds, last = (kind for kind in self.joins.kinds if kind not in slower)
+        return f"at most a {', a '.join(kinds)} and a {last}"
 
     @property
     def options(self) -> dict[str, Any]:
@@ -234,7 +246,7 @@ class JoinedEnds(WrappedGraph):
         node, end = self.node(what), self.ends[what]
         from_it, to_it = self.joins.tails == node, self.joins.heads == node
         ids = np.concatenate([self.joins.heads[from_it], self.joins.tails[to_it]])
-        ids = ids[ids < self.inner.size]
+        ids = np.unique(ids[ids < self.inner.size])  # parallel joins have the same ends
         states = self.inner.states(ids)
         return ids[np.argsort(_distance(states, end), kind="stable")]
 
@@ -270,14 +282,21 @@ class JoinedEnds(WrappedGraph):
         return f"the {what} ({end.x[0]:.3f}, {end.y[0]:.3f}) is not usable: {reason}.{hint}"
 
     def places(self, ids: IntArray) -> IntArray:
-        """Return the number (N,) of the position of each node; an end has a negative number that no other node has."""
-        places = self.inner.size - 1 - ids
+        """Return the number (N,) of the position of each node; an end has a negative number that no other node has.
+
+        The last end and all markers share a number.
+        """
+        places = self.inner.size - 1 - np.minimum(ids, self._no_choice)
         inside = ids < self.inner.size
         places[inside] = self.inner.places(ids[inside])
         return places
 
     def states(self, ids: IntArray) -> States:
-        """Return the states (N,) with the given numbers; the yaw is NaN for a goal that accepts any heading."""
+        """Return the states (N,) with the given numbers; the yaw is NaN for a goal that accepts any heading.
+
+        For a marker, it is the state of the last end.
+        """
+        ids = np.minimum(ids, self._no_choice)
         inside = ids < self.inner.size
         inner, ends = self.inner.states(ids[inside]), self.ends.values()
         columns = {}
@@ -338,7 +357,7 @@ class JoinedEnds(WrappedGraph):
     def _rows(self) -> IntArray:
         """Row pointers (n + 1,) into the arcs of the inner graph alone, in which the ends have no arcs."""
         start = self.inner.arcs.start
-        return np.append(start, np.full(len(self.ends), start[-1]))
+        return np.append(start, np.full(self.size - self.inner.size, start[-1]))
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Return the states and motions of n trajectories, including those of joins.
@@ -346,6 +365,8 @@ class JoinedEnds(WrappedGraph):
         ids    (N,)  nodes of all paths, one path after another
         sizes  (n,)  number of nodes of each path
         """
+        ids, sizes, markers = unmarked(ids, sizes, ids > self._no_choice)
+        choices = np.where(markers == NO_MARKER, 0, markers - self._no_choice)
         inside = ids < self.inner.size
         ends = np.cumsum(sizes)
         begins, whole = ends - sizes, sizes == 2
@@ -353,19 +374,14 @@ class JoinedEnds(WrappedGraph):
         from_start = ~inside[begins]
         to_goal = ~inside[ends - 1] & ~(whole & from_start)  # the join from start to goal is counted once
         after, before = np.minimum(begins + 1, ends - 1), np.maximum(ends - 2, begins)
-        return Stretches.joined(
-            self.model.space,
-            [
-                self._joins_between(ids[begins], ids[after], from_start),
-                self.inner.stretches(ids[inside], inner),
-                self._joins_between(ids[before], ids[ends - 1], to_goal),
-            ],
-        )
 
-    def _joins_between(self, tails: IntArray, heads: IntArray, is_present: BoolArray) -> Stretches:
-        """Return the motions of the joins from ``tails`` to ``heads`` (n,), none where ``is_present`` (n,) is False."""
-        rows = self.joins.rows(tails[is_present], heads[is_present])
-        return self.joins.take(rows).stretches(is_present.astype(np.int64))
+        def joins_between(tails: IntArray, heads: IntArray, is_present: BoolArray) -> Stretches:
+            tails, heads = tails[is_present], heads[is_present]
+            rows = self.joins.rows(ids[tails], ids[heads], choices[heads])
+            return self.joins.take(rows).stretches(is_present.astype(np.int64))
+
+        of_start, of_goal = joins_between(begins, after, from_start), joins_between(before, ends - 1, to_goal)
+        return Stretches.joined(self.model.space, [of_start, self.inner.stretches(ids[inside], inner), of_goal])
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason, as text for an error, why no path leads from the start to the goals.

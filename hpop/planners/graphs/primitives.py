@@ -113,7 +113,7 @@ class PrimitiveLattice(ConfigurationRoadmap):
             kinds.append(leg.kind)
             corners.append(States(**columns))
             shown.append(is_present)
-        return self.driven(MotionChains(self, tails, heads, tuple(kinds), tuple(corners), tuple(shown)))
+        return self.driven(MotionChains(self, tails, heads, tuple(kinds), tuple(corners), tuple(shown), 0 * tails))
 
     @cached_property
     def arcs(self) -> Arcs:

@@ -33,8 +33,8 @@ from hpop.motions.laws import CHANGE, SPEED
 from hpop.planners.graphs.arcs import MOVE, MotionChains
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import at_speed
-from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
-from hpop.planners.graphs.trajectory_graph import Stretches
+from hpop.planners.graphs.state_graph import StateGraph
+from hpop.planners.graphs.trajectory_graph import NO_MARKER, Stretches, unmarked
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
@@ -50,11 +50,11 @@ def with_run_speeds(ends: Ends, model: Model) -> Ends:
     space, alone = ends.space, ends.space.states_alone
     if not (model.speed_classes or model.paces) or alone is None:
         return ends
-    layered = space.over_states(run_speed_graph)
-    shift = layered.size - space.size  # nodes that were added for ends come after those of all layers
+    runs = run_speed_graph(alone)
+    layered = space.over_states(lambda _: runs)
 
-    def moved(node: int) -> int:
-        return node + shift if node >= alone.size else node
+    def moved(node: int) -> int:  # nodes that were added for ends come after those of all layers
+        return node - alone.size + runs.size if node >= alone.size else node
 
     return Ends(layered, moved(ends.start), [moved(goal) for goal in ends.goals])
 
@@ -244,7 +244,29 @@ class RunSpeedGraph(StateGraph):
 
         Those from a start at which the robot arrives at a speed begin with a change to rest.
         """
-        laws, rest = laws_of(self.model), np.zeros(chains.tails.size)
+        return self._chosen(chains, np.zeros(chains.tails.size, np.int64))
+
+    def in_choices(self, chains: MotionChains) -> MotionChains:
+        """Return chains as :meth:`driven`, once for each speed of their moves with each rate of their turns.
+
+        A chain without moves has no choice of a speed, one without turns none of a rate. The fastest comes last.
+        """
+        laws, count = laws_of(self.model), len(self.speeds) * (1 + len(self.slower_turns))
+        rows, choices = np.divmod(np.arange(chains.tails.size * count), count)
+        choices = count - 1 - choices
+        rates, speeds = np.divmod(choices, len(self.speeds))
+        moves = chains.count([kind for kind in chains.kinds if SPEED in laws[kind].extra]) > 0
+        turns = chains.count([kind for pace in self.slower_turns for kind in pace]) > 0
+        offered = (moves[rows] | (speeds == 0)) & (turns[rows] | (rates == 0))
+        return self._chosen(chains.take(rows[offered]), choices[offered])
+
+    def _chosen(self, chains: MotionChains, choices: IntArray) -> MotionChains:
+        """Return chains with changes of speed, each with one speed of its moves and one rate of its turns.
+
+        choices  (C,)  number of the rate times the number of speeds, plus number of the speed, both from the fastest
+        """
+        laws, rest, (rates, speeds) = laws_of(self.model), np.zeros(choices.size), np.divmod(choices, len(self.speeds))
+        chosen = np.array(self.speeds)[::-1][speeds]
         kinds, corners, present = list[str](), [at_speed(chains.corners[0], rest)], list[BoolArray]()
         if self.arrives:
             slowed = chains.tails == self.size  # the start is the first node after all states
@@ -253,15 +275,23 @@ class RunSpeedGraph(StateGraph):
             present.append(slowed)
         for kind, end, some in zip(chains.kinds, chains.corners[1:], chains.present, strict=True):
             if SPEED in laws[kind].extra:
-                speed = np.where(some, self.speeds[-1], 0.0)
+                speed = np.where(some, chosen, 0.0)
                 kinds += [CHANGE, kind, CHANGE]
                 corners += [at_speed(corners[-1], speed), at_speed(end, speed), at_speed(end, rest)]
                 present += [some, some, some]
-            else:
-                kinds.append(kind)
-                corners.append(at_speed(end, rest))
-                present.append(some)
-        return replace(chains, kinds=tuple(kinds), corners=tuple(corners), present=tuple(present))
+                continue
+            ends = at_speed(end, rest).__dict__
+            for number, pace in enumerate(reversed(self.slower_turns), 1):
+                if pace.get(kind) in self._slower:
+                    slow, before = some & (rates == number), corners[-1].__dict__
+                    kinds.append(pace[kind])
+                    present.append(slow)
+                    corners.append(States(**{n: np.where(slow, column, before[n]) for n, column in ends.items()}))
+                    some = some & ~slow
+            kinds.append(kind)
+            present.append(some)
+            corners.append(States(**ends))
+        return replace(chains, kinds=tuple(kinds), corners=tuple(corners), present=tuple(present), choices=choices)
 
     def stretches(self, ids: IntArray, sizes: IntArray) -> Stretches:
         """Return the states, with speeds, and the motions of n trajectories, not yet checked for impossible motions.
@@ -269,23 +299,14 @@ class RunSpeedGraph(StateGraph):
         ids    (N,)  nodes of all paths, one path after another; a marker says how the path turns to the node after it
         sizes  (n,)  number of nodes of each path
         """
-        ids, sizes, layers = self._unmarked(ids, sizes)
+        ids, sizes, markers = unmarked(ids, sizes, self.is_marker(ids))
+        layers = np.where(markers == NO_MARKER, NO_MARKER, markers // self.inner.size)
         kinds = np.zeros(ids.size, np.int64)
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         for number, (layer, replaced) in enumerate(self._slower.values(), len(self.inner.kinds) + 1):
             kinds[(layers == layer) & (kinds == replaced)] = number
         laws: Sequence[Any] = [laws_of(self.model)[kind] for kind in self.kinds]
         return Stretches.through(self.model.space, laws, at_speed(self.states(ids), self._speed_of(ids)), kinds, sizes)
-
-    def _unmarked(self, ids: IntArray, sizes: IntArray) -> tuple[IntArray, IntArray, IntArray]:
-        """Return the nodes (N,) of n paths without markers, the sizes (n,) of the paths, and a layer (N,) by node.
-
-        The layer is that of the marker before the node, NO_MARKER for none.
-        """
-        marks, layers = self.is_marker(ids), np.full(ids.size, NO_MARKER)
-        layers[1:] = np.where(marks, ids // self.inner.size, NO_MARKER)[:-1]
-        path = np.repeat(np.arange(sizes.size), sizes)
-        return ids[~marks], sizes - np.bincount(path[marks], minlength=sizes.size), layers[~marks]
 
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason why no path leads from start to goals, as text: that of the inner graph."""

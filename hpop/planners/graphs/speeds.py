@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, N, copied
 from hpop.base.options import LEAST
 from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, QueryError
@@ -37,7 +37,7 @@ from hpop.planners.graphs.chain_speeds import ChainSpeedGraph
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.speed_joins import JoinCopies, at_speed, kinds_into, needless_nodes
 from hpop.planners.graphs.state_graph import ARC, StateGraph, WrappedGraph
-from hpop.planners.graphs.trajectory_graph import N, Stretches, TrajectoryGraph, aggregates
+from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import motion_quanta
 from hpop.search import Graph
 

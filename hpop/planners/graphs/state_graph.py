@@ -37,7 +37,6 @@ A = TypeVar("A")
 UNMOVED = 1e-6  # m: a start or goal within this distance of a state has its position
 NEAREST = 12  # a start or goal off the graph is connected to states up to the twelfth smallest distance of a place
 BATCH = 500_000  # motions evaluated at once: few enough to limit memory, enough for fast array operations
-NO_MARKER = -1  # for an arc that its tail and head identify
 ARC = 16  # bytes of memory for an arc, without its costs
 
 
@@ -85,15 +84,6 @@ class StateGraph(TrajectoryGraph):
         """
         stays: BoolArray = self.places(tails) == self.places(heads)
         return stays.astype(np.int64)
-
-    @property
-    def markers(self) -> IntArray | None:
-        """Node (m,) between the ends of each arc by which paths name it; NO_MARKER for none. None if no arc has one."""
-        return None
-
-    def is_marker(self, nodes: IntArray) -> BoolArray:
-        """Return which nodes (N,) are markers: they name arcs, and no arc leads to them. By default none."""
-        return np.zeros(nodes.size, dtype=np.bool_)
 
     def near(self, x: float, y: float, radius: float) -> IntArray:
         """Return the numbers (N,), ascending, of the states within ``radius``, m, of the position (x, y), m.

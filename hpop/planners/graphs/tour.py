@@ -316,8 +316,8 @@ class TourGraph(WrappedGraph):
             stop = next((step.stop for step in steps if step.layer == layers[i]), None)
             if stop is not None and self.tour.stops[stop].dwell:
                 dwells.append((int(at[i]), self.tour.stops[stop].dwell))
-        last = kept.size - 1
-        inner_ends = [place for place in np.flatnonzero(kept >= joined).tolist() if 0 < place < last]
+        last, marks = kept.size - 1, self.inner.is_marker(kept)
+        inner_ends = [place for place in np.flatnonzero((kept >= joined) & ~marks).tolist() if 0 < place < last]
         cuts = sorted({*inner_ends, *(place for place, _ in dwells if 0 < place < last)})
         number = {0: 0, **{place: part for part, place in enumerate(cuts, 1)}}
         number.setdefault(last, len(cuts) + 1)

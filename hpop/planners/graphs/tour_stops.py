@@ -101,6 +101,7 @@ def _members(space: TrajectoryGraph, stop: TourStop, world: World) -> IntArray:
     for begin in range(0, space.size, BLOCK):
         ids = np.arange(begin, min(begin + BLOCK, space.size))
         space.spending.check(f"the graph was searched for states of stop {stop.name!r}")
+        ids = ids[~space.is_marker(ids)]
         ids = ids if not stop.dwell else ids[space.at_rest(ids)]
         ids = ids[in_stop(stop, world, space.model, space.states(ids))]
         states = space.states(ids)

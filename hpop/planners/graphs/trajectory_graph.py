@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, N, running_sums
 from hpop.criteria.base import Criterion
 from hpop.motions import Collision, Law, Model, States, StateSpace, is_coupled, onward
 from hpop.motions.by_law import extras, refuse_impossible
@@ -27,9 +27,6 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 # Trajectories are built together: the states of all of them lie in common arrays, of which each trajectory is a slice.
-
-
-BLOCK = 2**20  # angles that are added up in one step
 
 
 class Stretches(NamedTuple):
@@ -82,7 +79,7 @@ class Stretches(NamedTuple):
             if turns is not None:
                 steps[:] = np.where(np.isnan(turns[name]), steps, turns[name])
             steps[begins] = 0.0
-            columns[name] = np.repeat(columns[name][begins], sizes[sizes > 0]) + _running(steps, sizes)
+            columns[name] = np.repeat(columns[name][begins], sizes[sizes > 0]) + running_sums(steps, sizes)
         return cls(States(**columns), kinds, sizes)
 
     @classmethod
@@ -153,27 +150,7 @@ class Stretches(NamedTuple):
         return tuple(several)
 
 
-def _running(steps: FloatArray, sizes: IntArray) -> FloatArray:
-    """Return the cumulative sums (N,) of ``steps`` (N,), which begin again at 0 in each of n stretches.
-
-    They turn changes of an angle from state to state into an angle without jumps.
-
-    sizes  (n,)  number of steps of each stretch
-    """
-    running = np.empty(steps.size)
-    ends = np.append(0, np.cumsum(sizes))
-    at_once = max(1, BLOCK // max(1, int(sizes.max(initial=0))))
-    for begin in range(0, sizes.size, at_once):
-        own = sizes[begin : begin + at_once]
-        part = slice(ends[begin], ends[begin + own.size])
-        inside = np.arange(own.max()) < own[:, None]
-        rows = np.zeros(inside.shape)
-        rows[inside] = steps[part]
-        running[part] = np.cumsum(rows, axis=1)[inside]
-    return running
-
-
-N = TypeVar("N", bound=np.generic)
+NO_MARKER = -1  # for an arc that its tail and head identify
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,8 +253,21 @@ class TrajectoryGraph(ABC):
         raise NotImplementedError
 
     def driven(self, chains: MotionChains) -> MotionChains:
-        """Return chains of motions of the model as this graph drives them; by default, as they are."""
+        """Return chains of motions of the model as this graph drives them at the fastest; by default, as they are."""
         return chains
+
+    def in_choices(self, chains: MotionChains) -> MotionChains:
+        """Return chains as :meth:`driven`, each at every speed and turn rate that it may choose, the fastest last."""
+        return self.driven(chains)
+
+    @property
+    def markers(self) -> IntArray | None:
+        """Node (m,) between the ends of each arc by which paths name it; NO_MARKER for none. None if no arc has one."""
+        return None
+
+    def is_marker(self, nodes: IntArray) -> BoolArray:
+        """Return which nodes (N,) are markers: they name arcs, and no arc leads to them. By default none."""
+        return np.zeros(nodes.size, dtype=np.bool_)
 
     @property
     def one_layer(self) -> TrajectoryGraph:
@@ -395,3 +385,15 @@ class TrajectoryGraph(ABC):
 def aggregates(criteria: Sequence[Criterion]) -> tuple[str, ...]:
     """Return, for each criterion, how a search combines the costs of arcs to the cost of a path: "sum" or "max"."""
     return tuple("max" if criterion.aggregate == "max" else "sum" for criterion in criteria)
+
+
+def unmarked(ids: IntArray, sizes: IntArray, marks: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
+    """Return n paths without markers: their nodes (N,), their sizes (n,), and a marker or NO_MARKER before each node.
+
+    ids, marks  (N,)  nodes of all paths, and which of them are markers
+    sizes       (n,)  number of nodes of each path
+    """
+    before = np.full(ids.size, NO_MARKER)
+    before[1:] = np.where(marks, ids, NO_MARKER)[:-1]
+    path = np.repeat(np.arange(sizes.size), sizes)
+    return ids[~marks], sizes - np.bincount(path[marks], minlength=sizes.size), before[~marks]

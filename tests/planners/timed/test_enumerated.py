@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -60,6 +60,16 @@ class Case:
         return STRAY
 
     @property
+    def lowest(self) -> tuple[float, float]:
+        """Corner of the floor, m."""
+        return -OUTSIDE, -OUTSIDE
+
+    @property
+    def planner(self) -> dict[str, Any]:
+        """Options of the lattice."""
+        return {"step": self.robot.step}
+
+    @property
     def criteria(self) -> list[str]:
         return ["duration", "length", "turns"]
 
@@ -78,7 +88,7 @@ class Case:
     def problem(self) -> Problem:
         (x, y, heading), step = self.start, self.robot.step
         highest = [step * (count - 1) + OUTSIDE for count in self.size]
-        world = World.from_polygons([], extent=shapely.box(-OUTSIDE, -OUTSIDE, *highest))
+        world = World.from_polygons([], extent=shapely.box(*self.lowest, *highest))
         start, goal = (x * step, y * step, heading * math.pi / 2), (*(step * i for i in self.goal), None)
         crowded = world.with_content(people=self.people)
         return Problem(crowded, self.robot.model, start, goal, self.criteria)
@@ -88,7 +98,7 @@ class Case:
         problem, robot = self.problem, self.robot
         latest = self.ticks * robot.tick
         options = {"clock": robot.tick, "hold": self.hold, "margin": self.margin, "arrive_by": latest}
-        return problem, problem.solve(Lattice(step=robot.step, headings=4, **options))
+        return problem, problem.solve(Lattice(**self.planner, headings=4, **options))
 
     def plans(self) -> Iterator[tuple[tuple[float, ...], list[Motion]]]:
         """Yield the costs of all plans, and their motions."""

@@ -349,3 +349,125 @@ def test_tours_are_those_of_all_runs_that_visit_the_stop(seed: int) -> None:
         if case.dwell:
             rests = np.diff(np.flatnonzero(np.diff(np.concatenate([[0], there, [0]]))))[::2]
             assert rests.max() * 0.01 >= case.dwell - 0.011
+
+
+FINE = ROBOT._replace(step=0.2, move=1)
+
+
+@dataclass(frozen=True)
+class JoinCase(SpeedCase):
+    """A query in a corridor whose start and goal lie between positions of the lattice, which are every other cell."""
+
+    robot: GridRobot = FINE
+    start: State = (1, 0, 0)
+    goal: tuple[int, int] = (5, 0)
+    size: tuple[int, int] = (7, 1)
+
+    @property
+    def lowest(self) -> tuple[float, float]:
+        return -0.4, -0.4
+
+    @property
+    def planner(self) -> dict[str, Any]:
+        return {"step": 0.4, "anchor": "world"}
+
+    def lasts(self, kind: str, amount: int) -> int:
+        return super().lasts(kind, amount) // (2 if kind == "move" else 1)
+
+    def chains(self, state: State, to: int, ends: int | None = None) -> Iterator[list[Motion]]:
+        """Yield all turns, runs and turns from a state to another cell, of one rate and one speed each."""
+        ahead = 0 if to > state[0] else 2
+        first, last = (ahead - state[2]) % 4, 0 if ends is None else (ends - ahead) % 4
+        for rate, number in itertools.product(self.rates if first or last else self.rates[:1], self.numbers):
+            turns = [[(rate, {3: -1}.get(turn, turn))] if turn else [] for turn in (first, last)]
+            moves = [("move", number)] * abs(to - state[0])
+            yield [*turns[0], ("change", number), *moves, ("change", number), *turns[1]]
+
+    def onward(self, state: State) -> Iterator[tuple[State, list[Motion]]]:
+        """Yield all that a robot may do at rest in a state, but for waits, and the states to which it leads."""
+        column, _, heading = state
+        near = [to for to in range(self.size[0]) if abs(to - column) <= 3]  # one and a half steps
+        if self.goal[0] in near:
+            for chain in self.chains(state, self.goal[0]):
+                yield (*self.goal, 0), chain
+        if column % 2:  # only the start is left from here
+            for to, ends in itertools.product(near, range(4)):
+                for chain in self.chains(state, to, ends) if to % 2 == 0 else ():
+                    yield (to, 0, ends), chain
+            return
+        for rate, quarters in itertools.product(self.rates, (1, -1, 2)):
+            yield (column, 0, (heading + quarters) % 4), [(rate, quarters)]
+        for to in range(0, self.size[0], 2):
+            if heading == (0 if to > column else 2) and to != column:
+                for chain in self.chains(state, to):
+                    yield (to, 0, heading), chain
+
+    def plans(self) -> Iterator[tuple[tuple[float, ...], list[Motion]]]:
+        hold = None if self.hold is None else round(self.hold / self.robot.tick)
+
+        def plans_from(state: State, tick: int, motions: list[Motion], *, held: bool) -> Iterator[Any]:
+            if state[:2] == self.goal:
+                yield self.costs(motions, tick), motions
+                return
+            for to, chain in self.onward(state):
+                after = tick + sum(self.lasts(*motion) for motion in chain)
+                if after <= self.ticks:
+                    yield from plans_from(to, after, [*motions, *chain], held=False)
+            for lasts in range(hold, self.ticks - tick) if hold is not None and not held else ():
+                yield from plans_from(state, tick + lasts, [*motions, ("hold", lasts)], held=True)
+
+        yield from plans_from(self.start, 0, [], held=False)
+
+
+CHOOSING = hpop.DifferentialDrive(
+    radius=0.1, speeds=SPEEDS, acceleration=ACCELERATION, turn_rates=(SLOW, FAST), turn_acceleration=math.pi / 0.32
+)
+BOTH = GridRobot(CHOOSING, 0.2, 0.2, 1, 4, 6, 0)
+
+
+@dataclass(frozen=True)
+class RateJoinCase(RateCase, JoinCase):
+    """A query of a robot with two turn rates and one speed or two, whose start and goal are joined to the lattice."""
+
+    robot: GridRobot = BOTH
+    numbers: tuple[int, ...] = (1, 2)
+    start: State = (1, 0, 0)
+    goal: tuple[int, int] = (5, 0)
+    size: tuple[int, int] = (7, 1)
+
+    @property
+    def criteria(self) -> list[Any]:
+        return ["duration", "felt_acceleration", Effort()]
+
+    def costs(self, motions: Sequence[Motion], ticks: int) -> tuple[float, float, float]:
+        """Return duration, s, felt acceleration, m/s, and what turns cost."""
+        return *JoinCase.costs(self, motions, ticks)[:2], RateCase.costs(self, motions, ticks)[1]
+
+    def lasts(self, kind: str, amount: int) -> int:
+        return JoinCase.lasts(self, kind, amount) if kind == "move" else RateCase.lasts(self, kind, amount)
+
+
+@pytest.mark.seeds(1, of=range(3, 63))
+def test_motions_that_join_a_start_and_a_goal_have_each_speed_and_each_turn_rate(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    people = tuple(
+        person(*rng.uniform((0.3, 0.3), (1.3, 0.9)), *rng.uniform(-0.5, 0.5, 2), rng.uniform(1, 4), name=name)
+        for name in ("Ann", "Bob")[: 1 + seed % 2]
+    )
+    start, goal = (1 + 2 * int(rng.integers(3)), 0, int(rng.integers(4))), (1 + 2 * int(rng.integers(3)), 0)
+    goal = goal if goal[0] != start[0] else (goal[0] % 6 + 1, 0)
+    case = (JoinCase if seed % 3 == 2 else RateJoinCase)(
+        people, hold=(None, 1.0)[seed // 2 % 2], start=start, goal=goal
+    )
+    front = check(replace(case, ticks=25))
+    assert "the start joined to" in front.certificate
+
+
+def test_a_tour_among_people_can_be_slow_on_all_motions_that_join_its_start_stop_and_goal() -> None:
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 5, 3)).with_content(people=[replace(ANN, x=4.5)])
+    tour = hpop.Tour([{"at": (2.3, 1.7), "within": 0.05, "dwell": 1.0}])
+    problem = Problem(world, ROOMY, (0.7, 0.8, 0.2), (3.3, 1.3, None), ["duration", "felt_acceleration"], tour=tour)
+    front = problem.solve("lattice", step=0.5, headings=4, anchor="world")
+    assert verify(problem, front) == []
+    fastest, slowest = (front.trajectories[int(np.argmin(front.costs[:, j]))].states.speed.max() for j in (0, 1))
+    assert fastest > slowest == ROOMY.speeds[0]

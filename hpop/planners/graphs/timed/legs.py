@@ -21,8 +21,9 @@ from hpop.motions import HOLD, Motions, States, laws_of
 from hpop.motions.laws import CLOCK
 from hpop.planners.graphs.arcs import MOVE, blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
-from hpop.planners.graphs.state_graph import NO_MARKER, StateGraph
+from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.clock import TickClock
+from hpop.planners.graphs.trajectory_graph import NO_MARKER
 from hpop.search import Graph
 from hpop.world import World
 
@@ -176,12 +177,8 @@ class TimedArcs:
 
     @cached_property
     def _markers(self) -> IntArray | None:
-        if self.inner.markers is None:
-            return None
-        markers = np.full(self.tails.size, NO_MARKER)
-        markers[self.own] = self.inner.markers
-        markers[markers.size - self.copied.size :] = markers[self.copied]
-        return markers
+        markers = self.space.markers
+        return None if markers is None else np.append(markers, markers[self.copied])
 
     def through(self, nodes: IntArray, arcs: IntArray, offsets: IntArray | int = 0) -> IntArray:
         """Return the nodes of the graph through which a path leads, with markers of its arcs.
