@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.base.registry import graphs, planners
+from hpop.base.text import some
 from hpop.errors import QueryError, UnsupportedModel
 from hpop.models.base import PlanarModel
 from hpop.motions import Model, States, Wheeled
@@ -78,11 +79,20 @@ def refuse_moving(problem: Problem, what: str) -> None:
     moving = [person.name or f"number {i}" for i, person in enumerate(people) if person.moves]
     if moving:
         raise QueryError(
-            f"{what} does not consider time, so it cannot avoid people who move: {', '.join(moving)}. Use a planner "
-            "that does, for a robot that moves in the plane: exact, lattice, roadmap or any-angle. Or give people no "
-            "velocity, to plan around their present positions. Or plan without people, and evaluate the criteria on "
-            "the front's trajectories in the world with people."
+            f"{what} does not consider time, so it cannot avoid people who move: {some(moving)}. "
+            f"{_timed(problem.model)} Or give people no velocity, to plan around their present positions. Or plan "
+            "without people, and evaluate the criteria on the front's trajectories in the world with people."
         )
+
+
+def _timed(model: Model) -> str:
+    """Return which planners consider time for a model, or what it lacks, as a sentence for an error."""
+    if "steering" not in model.provides:
+        return "Use a planner that does, for a robot that moves in the plane: exact, lattice, roadmap or any-angle."
+    return (
+        f"No planner does for {model.name}: this needs motions straight ahead and turns in place (turn-move), as of "
+        "differential_drive, and a car moves on curves."
+    )
 
 
 def in_plane(model: Model) -> PlanarModel:

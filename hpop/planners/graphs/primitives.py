@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order
 
-from hpop.base.arrays import BoolArray, IntArray, distinct
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from hpop.base.options import LEAST, MOST, set_reals
 from hpop.base.text import set_python_values
 from hpop.errors import OptionError
@@ -190,6 +192,14 @@ class PrimitiveLattice(ConfigurationRoadmap):
                 "no path: no manoeuvre of the car reaches the goal in its heading without a collision, from any state "
                 f"of {self.words} within {REACH:g} steps; turn or move the goal, or leave its heading free (any)"
             )
+        off = self._other_headings(start, goals)
+        if off.size:
+            degrees = np.degrees(off.min())
+            return (
+                "no path: the car gets to the position of the goal, but not in its heading (the nearest is "
+                f"{degrees:.0f} degrees off): it cannot turn around between; leave the heading of the goal free (any), "
+                "let the car go backwards (reverse_speed), or take a car with a smaller turning radius"
+            )
         return (
             super()
             .what_separates(start, goals)
@@ -197,6 +207,17 @@ class PrimitiveLattice(ConfigurationRoadmap):
                 "; take more samples", "; take a smaller step or a smaller car, or check that passages are wide enough"
             )
         )
+
+    def _other_headings(self, start: int, goals: list[int]) -> FloatArray:
+        """Return by how much (N,), rad, the headings differ from a goal's in which the start reaches its position."""
+        arcs = csr_array((np.ones(self.arcs.heads.size, np.int8), self.arcs.heads, self.arcs.start), (self.size,) * 2)
+        reached = self.states(breadth_first_order(arcs, start, return_predecessors=False).astype(np.int64))
+        found = []
+        for goal in goals:
+            there = self.states(np.array([goal]))
+            near = np.hypot(reached.x - there.x, reached.y - there.y) <= self.step
+            found.append(np.abs(np.angle(np.exp(1j * (reached.yaw - there.yaw))))[near])
+        return np.concatenate(found)
 
 
 def _is_placeless(criterion: Criterion, chains: MotionChains) -> bool:

@@ -10,13 +10,14 @@ import pytest
 import shapely
 
 import hpop
-from hpop.errors import OptionError, UnsupportedModel
+from hpop.errors import OptionError, QueryError, UnsupportedModel
 from hpop.models.ackermann.primitives import HEADING_ANGLES, LEGS, primitives
 from hpop.motions import States
 from hpop.planners.graphs import PrimitivesGraph
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.searches.exact import Exact
 from hpop.scenario import load_scenario
+from hpop.world import Person
 from tests.search.conftest import front_by_closure
 
 CAR = hpop.Ackermann()
@@ -159,6 +160,25 @@ def test_a_goal_heading_that_no_manoeuvre_reaches_is_said_to_be_one():
     front = problem.solve({"exact": {"on": "primitives"}})
     assert not len(front)
     assert any("no manoeuvre of the car reaches the goal in its heading" in note for note in front.notes)
+
+
+@pytest.mark.parametrize(("reverse_speed", "width", "turns"), [(0.0, 4.0, False), (0.0, 14.0, True), (0.5, 14.0, True)])
+def test_a_car_that_cannot_turn_around_is_told_that_the_heading_is_out_of_reach(reverse_speed, width, turns):
+    """It reaches the position with the heading of the lane. Turning needs two radii, 2.3 m, and room for its body."""
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 30, width))
+    car = hpop.Ackermann(wheelbase=2.7, reverse_speed=reverse_speed, steering_rate=None)
+    found = hpop.Problem(world, car, (3, 2, 0), (20, 2, math.pi), ["length"]).solve({"exact": {"on": "primitives"}})
+    assert bool(found.trajectories) is turns
+    assert any("not in its heading" in note for note in found.notes) is not turns
+
+
+def test_moving_people_are_refused_with_the_capability_that_a_car_lacks():
+    walker = Person(10, 5, velocity=(-1, 0), name="Ann")
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 20, 10)).with_content(people=[walker])
+    problem = hpop.Problem(world, hpop.Ackermann(), (3, 2, 0), (17, 8, 0), ["length"])
+    for planner in ({"exact": {"on": "primitives"}}, "roadmap"):
+        with pytest.raises(QueryError, match=r"people who move: Ann\. No planner does for ackermann: .*\(turn-move\)"):
+            problem.solve(planner)
 
 
 def test_other_robots_are_refused():

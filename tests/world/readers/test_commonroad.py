@@ -270,6 +270,27 @@ def test_a_scenario_plans_from_the_start_to_the_goal_of_a_planning_problem(tmp_p
     assert float(path_found.states.x[0]) == 3.0
 
 
+def test_a_robot_that_turns_in_place_waits_for_the_traffic_of_a_road(tmp_path):
+    """The oracle is the vehicle's rectangle, not its discs, and the robot as executed."""
+    oncoming = moving(5, CAR, (30, 6, math.pi, 0), (0, 6, math.pi, 100))
+    path = road(tmp_path, straight(1, 0, 9), oncoming)
+    robot = hpop.DifferentialDrive(radius=0.4)
+
+    def gaps(traffic):
+        """Return the least distance, m, of the vehicle's rectangle from the robot, for each trajectory of the front."""
+        world = World.from_file(path, traffic=traffic)
+        query = hpop.Problem(world, robot, (12, 1, math.pi / 2), (12, 8, None), ["duration", "turns"])
+        for planned in query.solve({"lattice": {"step": 0.5, "headings": 8}}).trajectories:
+            driven, _ = robot.execution(planned)
+            times = np.arange(0.0, min(float(driven.times[-1]), 10.0), 0.02)
+            x, y = (np.interp(times, driven.times, getattr(driven.states, name)) for name in "xy")
+            vehicles = shapely.box(27.75 - 3 * times, 5.1, 32.25 - 3 * times, 6.9)
+            yield float(shapely.distance(vehicles, shapely.points(x, y)).min()) - robot.radius
+
+    assert min(gaps(traffic=True)) > 0
+    assert min(gaps(traffic=False)) < 0
+
+
 ENTITY = '<!DOCTYPE commonRoad [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]>'
 FAULTS = {
     "no XML": ("<commonRoad", "<<", "it must be XML"),
