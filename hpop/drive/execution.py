@@ -52,6 +52,7 @@ class Execution(StopLog):
     patience    share by which another plan must be better before the robot changes to it by itself
     notice      s, least time between such a change and the first turn that was not announced
     preference  of the person aboard, by which the robot chooses; it is not saved, but the choices are
+    waits       whether to wait until the graph among moving people is built; else options are known plans until then
     record      the event log, as JSON; see :meth:`save`
 
     Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
@@ -59,10 +60,8 @@ class Execution(StopLog):
 
     Guarantees: options are the result of an exact search from the same node in the world as it is now. If a deadline
     ends the search, they are at most a factor 1 + gap worse. The present plan is among them while nothing is in its
-    way. The driven trajectory has no jump in position, heading or (as planned) speed. The same events give the same
-    drive.
-
-    Cost: the graph is built once; a query then takes some milliseconds in rooms and offices.
+    way. The driven trajectory has no jump in position, heading or planned speed. The same events give the same drive.
+    The graph is built once; a query then takes some milliseconds in rooms and offices.
     """
 
     def __init__(
@@ -76,6 +75,7 @@ class Execution(StopLog):
         patience: float = PATIENCE,
         notice: float = NOTICE,
         preference: Preferring | None = None,
+        waits: bool = True,
     ) -> None:
         self.problem, self.planner, self.choice, self.ways = problem, planner, choice, tuple(ways)
         super().__init__(begin)
@@ -86,7 +86,7 @@ class Execution(StopLog):
         surroundings = DriveSurroundings.of(problem, float(self.begin), planner.margin)
         self._progress = DriveProgress(Plan(choice), surroundings, float(self.begin), planner.margin)
         self._latest: Options | None = None
-        self.ready(self.begin)  # ahead of the first query
+        (self.ready if waits else self._lay_out)(self.begin)  # ahead of the first query
 
     def __repr__(self) -> str:
         ends = "to the goal" if self._progress.plan.stops is None else "to where the plan is closed"

@@ -252,6 +252,7 @@ def follow(
     begin: float = 0.0,
     patience: float = PATIENCE,
     notice: float = NOTICE,
+    waits: bool = True,
 ) -> Execution:
     """Start a drive along one of the plans of a front.
 
@@ -263,7 +264,7 @@ def follow(
     planner : provides the graph to search on the way; default: the planner that found the choice, with its options for
         graph and time
     begin : s, when the robot leaves, on the clock of the caller
-    patience, notice : see :class:`hpop.drive.Execution`
+    patience, notice, waits : see :class:`hpop.drive.Execution`
 
     Raises QueryError if the front belongs to another problem; DriveError for a choice that is no point of the front,
     for a plan with motions other than turns, straight moves and holds, and for a planner without a graph;
@@ -283,7 +284,7 @@ def follow(
     made = _planner_of(point.provenance) if planner is None else make_planner(planner)
     refuse_unsupported(made, problem.model)
     options: dict[str, Any] = {"begin": begin, "patience": patience, "notice": notice, "preference": preference}
-    return Execution(problem, front.trajectories, point.item, made, **options)
+    return Execution(problem, front.trajectories, point.item, made, **options, waits=waits)
 
 
 def _planner_of(origin: Mapping[str, Any]) -> Planner:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -188,31 +188,36 @@ class Pushed(NamedTuple):
     gap: float
 
 
-def push_gap(trajectory: Trajectory, heading: float) -> tuple[float, float]:
-    """Return by what ways are compared with a push, least first: a mean angle, rad, and minus a distance, m.
+@lru_cache(maxsize=4)
+def beginnings(trajectories: tuple[Trajectory, ...]) -> FloatArray:
+    """Return how ways begin, as rows (n, t + 2): headings, rad, over `AHEAD` s, and the advance (x, y), m, by then.
 
-    The angle is between the robot's heading and the pushed ``heading``, both in the world, over `AHEAD` s. The distance
-    is the one by which the robot advances in the pushed direction in that time.
+    Ways that begin with the same motions are sampled once. The rows are kept for later pushes among the same ways.
     """
-    states = trajectory.at(np.minimum(np.arange(0.0, AHEAD + 1e-9, SAMPLED), trajectory.duration))
-    yaw: FloatArray = states.yaw
-    gap = float(np.abs(wrap(yaw - heading)).mean())
-    gained = (states.x[-1] - states.x[0]) * math.cos(heading) + (states.y[-1] - states.y[0]) * math.sin(heading)
-    return round(gap, 9), -round(float(gained), 9)
-
-
-def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
-    """Return :func:`push_gap` of each way; ways that begin with the same motions are compared once."""
-    table, gaps, known = ways.table, list[tuple[float, float]](), dict[tuple[int, ...], tuple[float, float]]()
+    table, rows, known = MotionTable.of(trajectories), list[FloatArray](), dict[tuple[int, ...], FloatArray]()
     begins = (np.cumsum(table.counts) - table.counts).tolist()
-    for trajectory, begin, count in zip(ways.trajectories, begins, table.counts.tolist(), strict=True):
+    for trajectory, begin, count in zip(trajectories, begins, table.counts.tolist(), strict=True):
         motions = table.motions[begin : begin + count]
         many = int(np.searchsorted(np.cumsum(table.lasts[motions]), AHEAD + SAMPLED)) + 1
         key = tuple(motions[:many].tolist())
         if key not in known:
-            known[key] = push_gap(part(trajectory, 0, min(many, count)), heading)
-        gaps.append(known[key])
-    return gaps
+            first = part(trajectory, 0, min(many, count))
+            states = first.at(np.minimum(np.arange(0.0, AHEAD + 1e-9, SAMPLED), first.duration))
+            known[key] = np.append(states.yaw, [states.x[-1] - states.x[0], states.y[-1] - states.y[0]])
+        rows.append(known[key])
+    return np.stack(rows)
+
+
+def push_gaps(ways: Ways, heading: float) -> list[tuple[float, float]]:
+    """Return by what each way is compared with a push, least first: a mean angle, rad, and minus a distance, m.
+
+    The angle is between the robot's heading and the pushed ``heading``, both in the world, over `AHEAD` s. The distance
+    is the one by which the robot advances in the pushed direction in that time.
+    """
+    rows = beginnings(ways.trajectories)
+    gaps = np.abs(wrap(rows[:, :-2] - heading)).mean(axis=1).round(9)
+    gained = (rows[:, -2] * math.cos(heading) + rows[:, -1] * math.sin(heading)).round(9)
+    return [*zip(gaps.tolist(), (-gained).tolist(), strict=True)]
 
 
 def nearest_to_push(ways: Ways, heading: float, is_open: Callable[[int], bool] = lambda row: True) -> Pushed | None:

@@ -15,7 +15,7 @@ from hpop.drive.plan import joined
 from hpop.drive.script import follow
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import DriveError, HpopError
-from hpop.live.cards import first_turn, nearest_to_push
+from hpop.live.cards import beginnings, first_turn, nearest_to_push
 from hpop.live.offers import Offer, bare_problem, plan_message
 from hpop.live.places import Destination
 from hpop.models.execution import Ramps
@@ -25,6 +25,8 @@ from hpop.trajectories.trajectory import Trajectory
 Message = dict[str, Any]
 Pose = tuple[float, float, float]
 
+AHEAD = 0.8
+"""Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
 PASSED = "the robot has passed the place where this way begins; choose again"
@@ -58,7 +60,8 @@ class OfferedDrive:
         self.prefix: Trajectory | None = None
         self.goal: Destination | None = None
         self.offer: Offer | None = None
-        self._checked: tuple[tuple[Trajectory, ...], DriveSurroundings, dict[int, bool]] = (), self.surroundings, {}
+        self._checked: tuple[tuple[Trajectory, ...], DriveSurroundings, dict[int, bool], Problem | None]
+        self._checked = (), self.surroundings, {}, None
         self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
         self._pushed = -math.inf  # s, time of the last push beside a request
@@ -86,6 +89,8 @@ class OfferedDrive:
                     raise
                 continue
             self.took = perf_counter() - began
+            if len(options):
+                beginnings(options.ways)  # ahead of a push
             with self.changing:
                 if pushes != self._pushes:  # of a plan that a push has changed meanwhile
                     continue
@@ -109,10 +114,10 @@ class OfferedDrive:
         """Return whether a way of an offer is clear of closed areas and people as they are predicted now."""
         ways, now = offer.ways.trajectories, self.surroundings
         if self._checked[0] is not ways or self._checked[1] is not now:
-            self._checked = ways, now, {}
-        known = self._checked[2]
+            self._checked = ways, now, {}, offer.problem_in(now)
+        _, _, known, problem = self._checked
         if option not in known:
-            known[option] = offer.is_open(option, now, self.planning.planner.margin)
+            known[option] = offer.is_open(option, now, problem, self.planning.planner.margin)
         return known[option]
 
     def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
@@ -142,9 +147,11 @@ class OfferedDrive:
             yield plan_message(whole, now, elapsed)
             yield taken
         planner = self.planning.planner
-        drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin))
+        drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin), waits=False)
         with self.changing:
             self.drive = drive
+        if self.surroundings.moving:  # pushes are answered from known ways until the graph is built
+            self._offer_rest(max(now, self.clock(), begin), AHEAD, within=0.0)
 
     def push_at_once(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Answer a push beside a request that another thread is answering; no message if it has to wait for that.

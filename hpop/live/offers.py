@@ -69,17 +69,24 @@ class Offer:
         assert self.options is not None
         return replace(self, ways=replace(self.ways, present=option), options=replace(self.options, keep_on=option))
 
-    def is_open(self, option: int, now: DriveSurroundings, margin: float) -> bool:
-        """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
+    def problem_in(self, now: DriveSurroundings) -> Problem | None:
+        """Return the problem in which ways are checked again among the present surroundings ``now``.
 
-        Ways to a new destination, and those found in these surroundings, count as clear.
-
-        margin  m, distance to keep from moving people
+        Return None for ways to a new destination, and those found in these surroundings, which count as clear.
         """
         if self.options is None or self.surroundings is now:
+            return None
+        return now.at(self.options.commit.state, self.options.commit.time)
+
+    def is_open(self, option: int, now: DriveSurroundings, problem: Problem | None, margin: float) -> bool:
+        """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
+
+        problem  from :meth:`problem_in`
+        margin   m, distance to keep from moving people
+        """
+        if self.options is None or problem is None:
             return True
         commit, way = self.options.commit, self.ways.trajectories[option]
-        problem = now.at(commit.state, commit.time)
         return any(clear_trajectories([way], problem, commit.before, now.closed, margin, None, lambda: False))
 
     def message(self, now: float, preference: Any) -> dict[str, Any]:

@@ -20,7 +20,7 @@ from hpop.base.text import printable
 from hpop.drive.script import follow
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, line_of
-from hpop.live.offered_drive import LEAD, PASSED, WITHIN, Message, OfferedDrive, Pose
+from hpop.live.offered_drive import AHEAD, LEAD, PASSED, WITHIN, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
@@ -32,8 +32,6 @@ from hpop.trajectories.trajectory import Trajectory
 from hpop.view.explorer.payload import payload as explorer_payload
 from hpop.world import Person
 
-AHEAD = 0.8
-"""Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
 TIMES_AHEAD, MOST_AHEAD = 3.0, 3.0
 """If this is longer than AHEAD: the time as a multiple of the duration of the last search; its largest value, s."""
 LEAD_AMONG_PEOPLE = 2.0

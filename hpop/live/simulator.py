@@ -40,6 +40,8 @@ STILL = 1e-3
 """Speed, m/s or rad/s, below which the robot stands."""
 PARTED = 0.05
 """Distance, m, of a robot that drives from a path up to which it is still on it."""
+BEHIND = 0.15
+"""Distance, m, from the expected place above which a robot does not keep the times of a plan: it has braked since."""
 STANDS_OFF = 0.3
 """Distance, m, from a path up to which a robot that stands can still begin to follow it."""
 OVERSHOOT = 0.15
@@ -177,19 +179,28 @@ class LiveRobot:
     def follow(self, trajectory: Trajectory, elapsed: float, *, arrives: bool) -> None:
         """Continue with a plan, on which the robot is expected at the time ``elapsed``, s.
 
-        Plans among moving people keep their times, and may begin later than now (``elapsed`` is negative). On others
-        the robot continues from where it is.
+        Plans among moving people keep their times, and may begin later than now (``elapsed`` is negative), unless the
+        robot is elsewhere than expected. On others the robot continues from where it is.
         """
         done = trajectory.execution()
         yaw = trajectory.model.space.names.index("yaw")
         motions = perceived_motions(done)
         self.turns = tuple(AnnouncedTurn(m.begin, float(m.change[yaw])) for m in motions if m.change[yaw])
         self.arrives, self._announced = arrives, 0
-        clock = elapsed if trajectory.punctual else self._nearest(done, elapsed)
+        clock = self._clock_on(trajectory, elapsed)
         if self._tracker is None:
             self._tracker = Tracker(trajectory, delay=self._delay)
         self._zero = self._now - clock
         self._tracker.follow(trajectory, max(clock, 0.0))
+
+    def _clock_on(self, trajectory: Trajectory, elapsed: float) -> float:
+        """Return the time of a plan, s, from which the robot follows it, if it is expected at the time ``elapsed``."""
+        done = trajectory.execution()
+        if trajectory.punctual:
+            at = done.at(np.clip(elapsed, 0.0, done.duration))
+            if elapsed < 0.0 or math.dist(self.pose[:2], (float(at.x[0]), float(at.y[0]))) <= BEHIND:
+                return elapsed
+        return self._nearest(done, elapsed, last=self.stands and not trajectory.punctual)
 
     def misses(self, trajectory: Trajectory, elapsed: float) -> bool:
         """Return whether it is too late to follow a plan, on which the robot is expected at the time ``elapsed``, s.
@@ -219,6 +230,7 @@ class LiveRobot:
         radius   of people, m
         """
         done, times = trajectory.execution(), np.arange(0.0, LOOK_AHEAD, LOOK)
+        elapsed = self._clock_on(trajectory, elapsed)
         then = done.at(np.clip(elapsed + times, 0.0, done.duration))
         names = trajectory.model.space.names
         here = done.at(np.full(times.size, np.clip(elapsed, 0.0, done.duration)))
@@ -231,10 +243,11 @@ class LiveRobot:
                 return True
         return False
 
-    def _nearest(self, done: Trajectory, elapsed: float) -> float:
+    def _nearest(self, done: Trajectory, elapsed: float, *, last: bool) -> float:
         """Return the time, s, at which an executed plan is nearest to the robot's pose, within `NEAR` s of ``elapsed``.
 
-        Of several such times, a robot that stands gets the last, so that it continues with the next motion.
+        Of several such times, return the ``last``, from which a robot that stands continues with the next motion, or
+        the one nearest to ``elapsed``.
         """
         times = np.append(np.arange(0.0, done.duration, SAMPLED), done.duration)
         times = times[np.abs(times - np.clip(elapsed, 0.0, done.duration)) <= NEAR]
@@ -242,7 +255,7 @@ class LiveRobot:
         here = self.pose
         off = np.hypot(states.x - here[0], states.y - here[1]) + np.abs(wrap(states.yaw - here[2]))
         near = np.flatnonzero(off <= off.min() + SAME)
-        return float(times[near[-1] if self.stands else near[np.argmin(np.abs(times[near] - elapsed))]])
+        return float(times[near[-1] if last else near[np.argmin(np.abs(times[near] - elapsed))]])
 
     def ahead(self, seconds: float) -> tuple[float, float]:
         """Return the position (x, y), m, at which the robot will be on its plan some seconds from now."""

@@ -108,8 +108,8 @@ class SteppedSession(LiveSession):
         follow = driven.follow
 
         def followed(trajectory: Trajectory, elapsed: float, *, arrives: bool) -> None:
-            self._judge(trajectory, elapsed)
             follow(trajectory, elapsed, arrives=arrives)
+            self._judge(trajectory, min(elapsed, 0.0) or driven.clock)
 
         driven.follow = followed  # type: ignore[method-assign]
         viewer = self.join(may_drive=True)
