@@ -136,7 +136,10 @@ def add_query(path: Path, source: int, target: int) -> dict[str, Any]:
     query = described_query(front, source, target, methods)
     before = instances.get(path.stem, {"queries": [], "recipe": "your own"})
     if before["queries"] and before["sha256"] != file_hash(path):
-        raise GraphError(f"{path} is not the graph of {REFERENCE}: its SHA-256 differs; give it another name")
+        raise GraphError(
+            f"{REFERENCE} has another graph named {path.stem} (its SHA-256 differs from that of {path}): rename "
+            f"{path}, or restore the graph"
+        )
     others = [row for row in before["queries"] if (row["source"], row["target"]) != (source, target)]
     instances[path.stem] = described_graph(path, graph, [*others, query], before["recipe"])
     write_reference(path.parent, instances)

@@ -341,7 +341,7 @@ class Execution(StopLog):
         name: str = "",
         groups: Iterable[Iterable[int]] = (),
     ) -> Change:
-        """Change one thing in the world of the drive, and return the effect on the plan.
+        """Change the world of the drive by exactly one of close, open, people and stop; return the effect on the plan.
 
         close   a zone of the map by its name, or a polygon, m; ``name`` names the polygon, to open it later
         open    a closed area by name, or the polygon that was closed. Zones of the map with a name are doors; keep-out
@@ -354,13 +354,13 @@ class Execution(StopLog):
         If the plan is closed ahead, the robot drives on to the last place where it may change its plan, or brakes.
 
         A walking person up to half a metre within an obstacle is shifted out of it; one deeper within it is left out.
-        Notes of the change say so. A standing person in contact with the robot is not a closed area: the robot may
-        leave as long as the gap does not shrink. If a person walks towards the robot so that no path is open, that
-        person is predicted to stop before it.
+        Notes of the change say so. A standing person may touch the robot. The robot may then drive away, but not closer
+        to this person. A person may walk towards the robot and leave it no open path. Then hpop assumes that this
+        person stops in front of the robot.
 
-        Raises DriveError for a door that is not on the map, for opening an area that is not closed, and for a closed
-        area that covers the robot; MapError if all walking people are deep within obstacles. Then the drive does
-        not change.
+        Raises DriveError if not exactly one change is given, for a door that is not on the map, for opening an area
+        that is not closed, and for a closed area that covers the robot; MapError if all walking people are deep within
+        obstacles. Then the drive does not change.
         """
         given = {"close": close, "open": open, "people": people, "stop": stop}
         changes = [key for key, value in given.items() if value is not None]

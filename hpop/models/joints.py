@@ -300,11 +300,13 @@ def grid_of_stations(yaw: FloatArray, joints: Mapping[str, FloatArray]) -> tuple
 
 
 def _motions_along_axis(number: IntArray, axis: int) -> tuple[IntArray, IntArray]:
-    """Return where motions begin and where they end, as state numbers: between any two states that differ in one value.
+    """Return the motions that change one value, as two arrays: the state numbers at their starts, and at their ends.
+
+    There is a motion from each value on the axis to each other value, not only to the next one.
 
     number  state number of each combination of heading and joint values, with one axis for the headings and one for
             each joint
-    axis    axis of the heading or joint that differs
+    axis    axis of the heading or joint that changes
     """
     lines = np.moveaxis(number, axis, -1).reshape(-1, number.shape[axis])
     a, b = np.nonzero(~np.eye(lines.shape[1], dtype=bool))

@@ -54,9 +54,11 @@ class Association(NamedTuple):
 @checked_arguments
 @dataclass(frozen=True, eq=False)
 class People:
-    """Preferences of several people about one question, with their profiles.
+    """Preferences of several people, with their profiles.
 
-    preferences  one for each person; all answered one question about the same costs
+    All people were asked for the same thing, such as "prefer" or "comfort".
+
+    preferences  one for each person, with equal ``question`` and equal costs; the pairs that they compared may differ
     profiles     one dictionary for each person, with numbers by name, such as {"mssq": 12.5, "age_band": 3}; a missing
                  number is left out of the dictionary. () if profiles are not used
     """

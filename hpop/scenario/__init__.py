@@ -283,7 +283,7 @@ def _preference(faults: Faults, folder: Path, choose: Choose | None, wanted: Seq
 
 
 def _landmark(faults: Faults, entry: LandmarkEntry, place: Place) -> Landmark:
-    """Build a landmark from its entry in the scenario."""
+    """Build a landmark from its entry in the scenario, at ``place`` in the file; add wrong values to ``faults``."""
     return Landmark(**{**_given(entry), "facing": faults.angle(entry.facing, (*place, "facing"), "a direction")})
 
 

@@ -57,9 +57,14 @@ class SessionEvent(StrictObject):
     place      0 before the first stimulus, then the number of the stimulus in this participant's order, one more
                after the last; None for events that belong to no place
     condition  letter of the stimulus at this place
-    value      of "answer" a number, or None if taken back; of "compare" {"question", "pair", "chosen"};
-               of "remark" text; of "frames" numbers by name; of "task" those and "samples"; of others
-               None, true, a number or a word
+    kind       what happened, such as "answer" or "pause"
+    value      depends on the kind:
+               "answer"   a number, or None if taken back
+               "compare"  {"question", "pair", "chosen"}
+               "remark"   text
+               "frames"   numbers by name
+               "task"     numbers by name, and a list "samples" of 2 or 3 numbers each
+               others     None, true or false, a number or a word
     """
 
     t: Annotated[float, Field(ge=0, le=1e7)]

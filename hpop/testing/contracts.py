@@ -57,7 +57,8 @@ def differ(what: str, expected: FloatArray, found: FloatArray, tolerance: float,
     """Return a message on the largest difference of two columns; "" if they agree.
 
     what       compared quantity, for the message
-    tolerance  relative to each value and to ``scale`` (default: the largest expected value)
+    tolerance  allowed difference, as a share of the expected value or of ``scale``, whichever is larger
+    scale      by default, the largest expected value
     """
     gap = np.abs(expected - found)
     largest = float(np.abs(expected).max(initial=0.0)) if scale is None else scale
@@ -176,7 +177,10 @@ def _collision_fault(model: Model, world: World, states: States) -> str:
 
 
 def law_says(motions: Motions) -> str:
-    """Return the first fault of the optional attributes of a law, on some of its motions; "" if there is none."""
+    """Check the optional attributes of a motion law (extra, quadrature, reversible) on example motions.
+
+    Returns the first fault, "" if there is none.
+    """
     law = motions.law
     extra = law.extra
     if not isinstance(extra, tuple) or not all(isinstance(name, str) for name in extra):

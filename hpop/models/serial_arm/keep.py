@@ -59,8 +59,9 @@ class KeptAxis(Region):
         """Check the option ``keep``, a mapping with body, axis, direction (up by default) and angle, and return it."""
         if not isinstance(given, Mapping) or not {"body", "axis", "angle"} <= set(given) <= set(KEYS):
             raise ModelError(
-                "keep must be {body, axis, angle} or {body, axis, direction, angle}, such as {'body': 'tool', 'axis': "
-                f"(0, 0, 1), 'angle': (0, 0.3)}}, got {shown(given)}"
+                "keep must be a mapping with body, axis, angle and optionally direction (default: up), such as "
+                "{'body': 'tool', 'axis': (0, 0, 1), 'angle': (0, 0.3)}, where angle is the least and greatest angle, "
+                f"rad, between axis and direction; got {shown(given)}"
             )
         if given["body"] not in ("tool", "camera"):
             raise ModelError(f"body of keep must be tool or camera, got {shown(given['body'])}")

@@ -63,9 +63,9 @@ def mesh_path(mesh: UrdfMesh, folder: Path, packages: Mapping[str, str]) -> Path
         package, _, rest = rest.partition("/")
         if package not in packages:
             raise ModelError(
-                f"the folder of package {shown(package)} must be given for the mesh {shown(mesh.name)}; give it in "
-                f"packages, as {{{printable(package)[:80]}: FOLDER}}"
-                + (f", which has {', '.join(map(shown, packages))}" if packages else "")
+                f"the mesh {shown(mesh.name)} is in package {shown(package)}, whose folder is unknown: add packages="
+                f"{{{printable(package)[:80]}: FOLDER}}"
+                + (f" (packages names only {', '.join(map(shown, packages))})" if packages else "")
             )
         folder = Path(packages[package])
     elif rest and kind != "file":

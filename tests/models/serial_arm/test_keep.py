@@ -129,7 +129,7 @@ def test_a_start_that_does_not_keep_it_is_refused_and_says_why():
 @pytest.mark.parametrize(
     ("keep", "said"),
     [
-        ({"axis": (0, 0, 1)}, "keep must be {body, axis, angle} or"),
+        ({"axis": (0, 0, 1)}, "keep must be a mapping with body, axis, angle and"),
         (CUP | {"body": "hand"}, "body of keep must be tool or camera, got 'hand'"),
         (CUP | {"axis": (0, 0, 0)}, "a vector of any length but 0"),
         (CUP | {"angle": (0, 20)}, "angle of keep must be .*from 0 to pi"),

@@ -214,9 +214,7 @@ def test_a_package_is_a_folder_that_is_given(tmp_path):
     (tmp_path / "robot").mkdir()
     (tmp_path / "meshes").mkdir()
     BOX.export(tmp_path / "meshes/box.stl")
-    with pytest.raises(
-        ModelError, match=r"folder of package 'parts' must be given .* give it in packages, as {parts: FOLDER}"
-    ):
+    with pytest.raises(ModelError, match=r"in package 'parts', whose folder is unknown: add packages={parts: FOLDER}"):
         with_mesh(tmp_path / "robot", "package://parts/box.stl")
     arm = with_mesh(tmp_path / "robot", "package://parts/box.stl", packages={"parts": tmp_path / "meshes"})
     assert len(jibs(arm)) == 1
@@ -343,7 +341,7 @@ def test_all_meshes_that_cannot_be_used_are_named_in_one_message(tmp_path):
     )
     with pytest.raises(
         ModelError,
-        match=r"4 of its meshes cannot be used\. .*flat.off.*thin box.*gone.stl.* opened.*package 'far' must be given"
+        match=r"4 of its meshes cannot be used\. .*flat.off.*thin box.*gone.stl.* opened.*package 'far', whose folder is unknown"
         r".*\(1 more for this reason\)",
     ) as error:
         SerialArm.from_urdf(tmp_path / "arm.urdf", tip="eye", acceleration=2.0)

@@ -74,8 +74,10 @@ class PolylineJob:
     def tolerance(self, planned: FloatArray) -> FloatArray:
         """Return the largest error (., k) of planned costs (., k).
 
-        For a sum it is the share QUADRATURE of the cost. A maximum may be off between samples and field cells; it is
-        assumed to change by at most one unit per metre. To both, a quantum is added.
+        For a sum, this is the share QUADRATURE of the cost. A maximum is computed at samples of the curve and at cells
+        of the world's grid, so it may be missed in between. It is assumed to change by at most one unit per metre, so
+        the difference is at most the cell size plus the distance between samples. One quantum (the smallest difference
+        of a cost that counts) is added to each.
         """
         spacing = self.problem.world.cell + PIECE / 4
         worst = np.array([c.aggregate == "max" for c in self.roles.criteria])

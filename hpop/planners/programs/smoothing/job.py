@@ -382,8 +382,10 @@ class SmoothingJob:
     def _tolerance(self, planned: FloatArray, curve: Trajectory) -> FloatArray:
         """Return the largest error (k,) of planned costs.
 
-        For a sum it is the share QUADRATURE of the cost. A maximum may be off between samples and field cells; it is
-        assumed to change by at most one unit per metre. To both, a quantum is added.
+        For a sum, this is the share QUADRATURE of the cost. A maximum is computed at samples of the curve and at cells
+        of the world's grid, so it may be missed in between. It is assumed to change by at most one unit per metre, so
+        the difference is at most the cell size plus the distance between samples. One quantum (the smallest difference
+        of a cost that counts) is added to each.
         """
         longest = float(np.hypot(np.diff(curve.states.x), np.diff(curve.states.y)).max())
         worst = np.array([criterion.aggregate == "max" for criterion in self.criteria])

@@ -279,10 +279,10 @@ class SplineJob:
     def _corrected(
         self, program: StepProgram, distance: float, longest: float, drift: FloatArray, first: tuple[Knots, FloatArray]
     ) -> tuple[Knots, FloatArray]:
-        """Try a second step after a first one broke bounds, and return the better spline of both, with its costs.
+        """Try a second step after a first one broke bounds; return the spline with the lower merit, and its costs.
 
-        This is a second-order correction: ``drift`` is by how much the costs after the first step differ from their
-        linear prediction, and the second step takes it into account. ``first`` is the spline after the first step, with
+        This is a second-order correction. ``drift`` (k,) holds the costs after the first step minus their linear
+        prediction; the second step adds it to its own prediction. ``first`` is the spline after the first step, with
         its costs; the other arguments are those with which that step was computed.
         """
         step = program.within(distance, longest, drift)

@@ -300,7 +300,10 @@ class PieceCosts:
         return self._total(self._at_pieces("costs", knots.shares.size, knots.columns(), knots.shares[None]).full())
 
     def slopes(self, knots: Knots) -> Slopes:
-        """Return the costs of a spline and their gradients by the variables of each piece."""
+        """Return the costs of a spline, and their gradients by the variables of each piece.
+
+        These variables are the values and slopes at the start and the end of the piece, and the total time.
+        """
         count, width = knots.shares.size, 4 * len(self.law.names) + 1
         costs, gradients = self._at_pieces("slopes", count, knots.columns(), knots.shares[None])
         each = costs.full()
