@@ -2,67 +2,63 @@
 
 A preference assumes that a person feels a weighted sum of the costs. Other tastes exist: a person may want a middle
 value, or care only above a threshold. Then the preferred row can be far from the person's best row, although the
-preference is sure of it. The second model lets the value of a row be any smooth function of its costs: a Gaussian
-process (Chu and Ghahramani 2005, "Preference learning with Gaussian processes", ICML; Laplace's approximation), plus a
-weighted sum. Each question of the test compares the best row with a challenger: a row that the Gaussian process
-expects to be better, and the weighted sum expects to be worse.
+preference is sure of it. The second model is a large sample of people with other tastes (:mod:`.tastes`). Only
+people remain in it whose loss by the best row is over a tenth of their range.
 
-The *doubt* is the number of questions that the best row lost beyond the number that the weighted sum expects, plus half
-the logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum. Above
-:data:`MOST_DOUBT` the weighted sum does not fit.
+Each question of the test compares the best row with a challenger: the row whose probability to win by the second model
+is the most above that by the weighted sum. The *doubt* is the logarithm of the ratio of the probabilities of all
+answers, by the second model to the weighted sum (a likelihood ratio of mixtures). Above :data:`MOST_DOUBT` the weighted
+sum does not fit.
 
-What can be found: on a front that is not convex, some rows are best for no weighted sum, and a person who prefers one
-is found. On a convex front every row is best for some weights, so a few answers rarely rule out all weights; the
-answers of the test then move the weights instead.
+On a convex front every row is best for some weights, so that answers also move the weights; therefore both models are
+compared by all answers, those before the test as well.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.special import expit, log_ndtr
+from scipy.special import expit
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.arrays import FloatArray
+from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.text import counted
 from hpop.errors import StudyError
 from hpop.preference.answers import LAPSE, LOG, CostScale, Feature, PairAnswer, answer_of, evidence
 from hpop.preference.posterior import NOTICEABLE, Draws
-from hpop.preference.preference import Preference
+from hpop.preference.preference import ASKING, Preference
+from hpop.preference.tastes import Tastes, some_rows
 
 CHECKS = 8
 """Number of questions of a test."""
-MOST_DOUBT = 2.2
-"""Doubt above which a weighted sum does not fit; some 5 % of people whom it fits have more."""
-SPREADS = tuple((plain, bent, length) for plain in (5.0, 15.0) for bent in (4.0, 10.0) for length in (0.2, 0.5))
-"""Settings of the Gaussian process, equally probable before any answer: standard deviations of the weights and of the
-smooth function, and the length over which it changes, as a share of the costs' ranges."""
+MOST_DOUBT = 0.2
+"""Doubt above which a weighted sum does not fit; at most some 5 % of people with a weighted sum have more."""
+LARGE_LOSS = 0.1
+"""Share of a person's range of losses that the best row must cost people of the second model."""
 HELPFUL = 1.0
 """Least gain of the logarithm of the evidence by a feature that is worth suggesting."""
 THRESHOLDS = (0.25, 0.5, 0.75)
 """Thresholds that are tried as features, as shares of the range of a cost."""
 DRAWN = 20_000
-"""Draws of the prior for the evidence of a weighted sum."""
-STEPS = 60
-"""Most iterations of Laplace's approximation."""
+"""Draws of people, of each model."""
+LIKELY = 1_500
+"""Most probable people of the second model who choose the next question."""
 
 
-class Process(NamedTuple):
-    """Gaussian process given answers: each chosen point has a value above that of the other point.
+class Others(NamedTuple):
+    """People of the second model.
 
-    slopes    (n,)    times the covariances of a value with the answers' differences, they give its mean
-    scale     (n,)    roots of the curvatures of the answers' log probabilities
-    root      (n, n)  Cholesky root of 1 + scale K scale
-    evidence          logarithm of the probability of all answers
+    tastes  N people
+    rows    (m,)    rows of the front that may be challengers, or the best row
+    losses  (N, m)  losses of the people by these rows
     """
 
-    slopes: FloatArray
-    scale: FloatArray
-    root: FloatArray
-    evidence: float
+    tastes: Tastes
+    rows: IntArray
+    losses: FloatArray
 
 
 @checked_arguments
@@ -76,6 +72,7 @@ class FitCheck:
 
     person: Preference
     answers: tuple[PairAnswer, ...] = ()
+    _known: Others | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, person: Preference) -> Self:
@@ -116,34 +113,19 @@ class FitCheck:
                 f"a question of the test must show row {self.row}, got rows {first} and {second}; ask about next_pair()"
             )
         costs = self.person.scale.costs_on(self.person.points)  # type: ignore[arg-type]
-        return replace(self, answers=(*self.answers, answer_of(first, second, chosen, costs)))
+        told = (*self.answers, answer_of(first, second, chosen, costs))
+        return replace(self, answers=told, _known=self._others)
 
     # Results
 
-    @property
-    def lost(self) -> float:
-        """Number of questions of the test that the best row lost; "no difference" counts as half."""
-        return sum(0.5 if a.chosen is None else float(a.chosen != self.row) for a in self.answers)
-
-    @property
-    def expected(self) -> float:
-        """Number of questions of the test that the weighted sum expects the best row to lose, before their answers."""
-        challengers = [a.first + a.second - self.row for a in self.answers]
-        return float((1.0 - self._chances_to_win()[challengers]).sum())
-
     @cached_property
-    def evidence_ratio(self) -> float:
-        """Logarithm of the ratio of the evidence of the Gaussian process to that of the weighted sum.
-
-        All answers count, those before the test as well; "no difference" does not count.
-        """
-        logs = np.array([process.evidence for process, _ in self._processes])
-        return _log_mean(logs) - self._evidence_of_sum(self.person.scale)
-
-    @property
     def doubt(self) -> float:
-        """Return the doubt whether a weighted sum describes the person: `lost` - `expected` + `evidence_ratio` / 2."""
-        return self.lost - self.expected + self.evidence_ratio / 2
+        """Return the doubt whether a weighted sum describes the person.
+
+        It is the logarithm of the ratio of the probability of all answers by the second model to that by a weighted
+        sum. Answers before the test count as well; "no difference" does not.
+        """
+        return _log_mean(self._logs_of_others) - self._evidence_of_sum(self.person.scale)
 
     @property
     def fits(self) -> bool:
@@ -152,15 +134,21 @@ class FitCheck:
 
     @property
     def best(self) -> int:
-        """Row that is best for the person: by the weighted sum if it fits, otherwise by the Gaussian process."""
-        return self.preference.best().row if self.fits else int(np.argmax(self._means_and_variances()[0]))
+        """Row that is best for the person: by the weighted sum if it fits, otherwise by the second model."""
+        if self.fits:
+            return self.preference.best().row
+        return int(self._others.rows[np.argmin(_probabilities(self._logs_of_others) @ self._others.losses)])
 
-    @property
+    @cached_property
     def preference(self) -> Preference:
-        """Preference of the person with the answers of the test."""
+        """Preference of the person with the answers of the test.
+
+        "No difference" is left out if it was not a possible answer before the test.
+        """
         person = self.person
         for answer in self.answers:
-            person = person.told(answer.first, answer.second, answer.chosen)
+            if answer.chosen is not None or person.ties:
+                person = person.told(answer.first, answer.second, answer.chosen)
         return person
 
     def suggestions(self) -> list[tuple[dict[str, Feature], float]]:
@@ -190,8 +178,8 @@ class FitCheck:
                  for name, value in one.items()]  # fmt: skip
         return (
             f"No weighted sum of the costs fits the answers ({asked} of the test, doubt {self.doubt:.1f}, at most "
-            f"{MOST_DOUBT:g} if one fits). Do not rely on the weights or the probability. A model without weights "
-            f"expects trajectory {self.best} to be the best."
+            f"{MOST_DOUBT:g} if one fits). Do not rely on the weights or the probability. Other tastes "
+            f"expect trajectory {self.best} to be the best."
             + (f" These features describe the answers better: {'; '.join(hints)}." if hints else "")
         )
 
@@ -208,71 +196,42 @@ class FitCheck:
         return [answer for answer in (*self.person.answers, *self.answers) if answer.chosen is not None]
 
     @cached_property
-    def _points(self) -> tuple[FloatArray, FloatArray]:
-        """Scaled costs (n, f) of the chosen points, and of the points that were not chosen, in :attr:`_decided`."""
-        pairs = np.array([a.costs if a.chosen == a.first else a.costs[::-1] for a in self._decided])
-        pairs = pairs.reshape(-1, 2, len(self.person.scale.names))
-        return self.person.scale.scaled(pairs[:, 0]), self.person.scale.scaled(pairs[:, 1])
+    def _others(self) -> Others:
+        """People of the second model; they do not depend on the answers of the test."""
+        if self._known is not None:
+            return self._known
+        rng = np.random.default_rng([self.person.seed, 7])
+        rows = some_rows(len(self._rows), self.row, rng)
+        tastes, losses = Tastes.draw(self._rows[rows], self.person.prior, DRAWN, rng)
+        lose = losses[:, np.searchsorted(rows, self.row)] > LARGE_LOSS
+        if not lose.any():
+            lose[:] = True
+        return Others(tastes.subset(lose), rows, losses[lose])
 
     @cached_property
-    def _processes(self) -> list[tuple[Process, FloatArray]]:
-        """Gaussian process for each setting of :data:`SPREADS`, with covariances (m, n) before the answers.
-
-        Entry (i, j) is that of two differences in value: row i less the best row, and of answer j, chosen less other.
-        """
-        chosen, other = self._points
-        best = self._rows[self.row : self.row + 1]
-        found = []
-        for setting in SPREADS:
-            prior = (
-                _covariance(chosen, chosen, setting)
-                - _covariance(chosen, other, setting)
-                - _covariance(other, chosen, setting)
-                + _covariance(other, other, setting)
-            )
-            ahead, behind = (
-                _covariance(self._rows, points, setting) - _covariance(best, points, setting)
-                for points in (chosen, other)
-            )
-            found.append((laplace(prior), ahead - behind))
-        return found
-
-    def _means_and_variances(self) -> tuple[FloatArray, FloatArray]:
-        """Return how much better each row is than :attr:`row` by the Gaussian process: means and variances (m,).
-
-        They are means over the settings (:data:`SPREADS`), weighted by the probability of the answers in each.
-        """
-        logs = np.array([process.evidence for process, _ in self._processes])
-        shares = np.exp(logs - logs.max()) / np.exp(logs - logs.max()).sum()
-        means = np.zeros(len(self._rows))
-        variances = np.zeros(len(self._rows))
-        for share, (process, across), setting in zip(shares, self._processes, SPREADS, strict=True):
-            means += share * (across @ process.slopes)
-            reduced = np.linalg.solve(process.root, process.scale[:, None] * across.T)
-            variances += share * (_difference_variances(self._rows, self.row, setting) - (reduced**2).sum(axis=0))
-        return means, np.maximum(variances, 1e-9)
+    def _logs_of_others(self) -> FloatArray:
+        """Logarithms of the probability (N,) of all decided answers, by each person of the second model."""
+        pairs = np.array([a.costs if a.chosen == a.first else a.costs[::-1] for a in self._decided])
+        pairs = pairs.reshape(-1, 2, len(self.person.scale.names))
+        chosen, other = (self.person.scale.scaled(pairs[:, i]) for i in range(2))
+        return self._others.tastes.log_probability(chosen, other)
 
     def _challenge(self) -> FloatArray:
-        """Return how much each row (m,) is expected to reveal as a challenger of the best row.
+        """Return for each row (m,) how much likelier it beats the best row by the second model than by the sum.
 
-        It is the expected improvement by the Gaussian process, times the probability that the row loses by the
-        weighted sum.
+        Rows that the second model does not consider have minus infinity.
         """
-        mean, variance = self._means_and_variances()
-        deviation = np.sqrt(variance)
-        ratio = mean / deviation
-        density = np.exp(-0.5 * ratio**2) / np.sqrt(2.0 * np.pi)
-        improvement = mean * np.exp(log_ndtr(ratio)) + deviation * density
-        return np.asarray(improvement * self._chances_to_win())
-
-    def _chances_to_win(self) -> FloatArray:
-        """Return for each row (m,) the probability that the person chooses the best row, if the two are compared.
-
-        It is that of the weighted sum before the test.
-        """
-        draws = self.person.equal_draws()
-        wins = expit((self._rows - self._rows[self.row]) @ draws.weights.T).mean(axis=1)
-        return np.asarray(LAPSE / 2 + (1.0 - LAPSE) * wins)
+        others = self._others
+        probability = _probabilities(self._logs_of_others)
+        likely = np.argsort(-probability)[:LIKELY]
+        losses, sharpness = others.losses[likely], others.tastes.sharpness[likely]
+        gains = sharpness[:, None] * (losses[:, [np.searchsorted(others.rows, self.row)]] - losses)
+        by_others = probability[likely] @ expit(gains) / probability[likely].sum()
+        rows = self._rows[others.rows]
+        by_sum = expit((self._rows[self.row] - rows) @ self.preference.equal_draws(ASKING).weights.T).mean(axis=1)
+        value = np.full(len(self._rows), -np.inf)
+        value[others.rows] = (1.0 - LAPSE) * (by_others - by_sum)
+        return value
 
     def _evidence_of_sum(self, scale: CostScale) -> float:
         """Return the logarithm of the probability of all answers by a weighted sum of costs on a scale.
@@ -284,48 +243,10 @@ class FitCheck:
         return _log_mean(evidence(self._decided, scale, ties=False).log_probability(draws.weights, draws.ties))
 
 
-def _covariance(one: FloatArray, other: FloatArray, setting: tuple[float, float, float]) -> FloatArray:
-    """Return the covariances (n, m) of the values of points (n, f) and (m, f) by a setting of :data:`SPREADS`."""
-    plain, bent, length = setting
-    apart = ((one[:, None] - other[None]) ** 2).sum(axis=-1)
-    return np.asarray(plain**2 * (one - 0.5) @ (other - 0.5).T + bent**2 * np.exp(-apart / (2.0 * length**2)))
-
-
-def _difference_variances(rows: FloatArray, row: int, setting: tuple[float, float, float]) -> FloatArray:
-    """Return the variance (m,) of the difference in value between each row (m, f) and one of them, before answers."""
-    plain, bent, length = setting
-    apart = ((rows - rows[row]) ** 2).sum(axis=1)
-    return np.asarray(plain**2 * apart + 2.0 * bent**2 * (1.0 - np.exp(-apart / (2.0 * length**2))))
-
-
-def laplace(prior: FloatArray) -> Process:
-    """Return the Gaussian process given n answers, from the prior covariance (n, n) of their differences in value.
-
-    The difference of an answer is the value of the chosen point less that of the other point.
-
-    Curvatures are those of Fisher scoring, which are never negative, although lapses make the log probability convex
-    in places. Rasmussen and Williams 2006, "Gaussian Processes for Machine Learning", algorithm 3.1.
-    """
-    n = len(prior)
-    covariance = prior + 1e-6 * np.eye(n)
-    values, slopes = np.zeros(n), np.zeros(n)
-    for step in range(STEPS + 1):
-        likely = expit(values)
-        chance = LAPSE / 2 + (1.0 - LAPSE) * likely
-        rise = (1.0 - LAPSE) * likely * (1.0 - likely)
-        curvature = np.maximum(rise**2 / (chance * (1.0 - chance)), 1e-9)
-        scale = np.sqrt(curvature)
-        root = np.linalg.cholesky(np.eye(n) + scale[:, None] * covariance * scale[None])
-        if step == STEPS:
-            break
-        aim = curvature * values + rise / chance
-        slopes = aim - scale * np.linalg.solve(root.T, np.linalg.solve(root, scale * (covariance @ aim)))
-        moved = covariance @ slopes
-        if n == 0 or np.abs(moved - values).max() < 1e-5:
-            break
-        values = values + (moved - values) * (0.7 if step > 5 else 1.0)
-    fit = float(np.log(chance).sum() - 0.5 * slopes @ values - np.log(np.diag(root)).sum())
-    return Process(slopes, np.asarray(scale), np.asarray(root, dtype=np.float64), fit)
+def _probabilities(logs: FloatArray) -> FloatArray:
+    """Return probabilities (N,), which add up to 1, from their logarithms plus any constant."""
+    found = np.exp(logs - logs.max())
+    return np.asarray(found / found.sum())
 
 
 def _log_mean(logs: FloatArray) -> float:

@@ -13,7 +13,8 @@ from hpop.base.arrays import FloatArray
 from hpop.errors import StudyError
 from hpop.frontier import ItemFront
 from hpop.preference import FitCheck, Preference, Prior
-from hpop.preference.fit_check import CHECKS, laplace
+from hpop.preference.fit_check import CHECKS
+from hpop.preference.tastes import KINDS, Tastes
 from hpop.scenario import load_scenario
 from tests import preferring as people
 
@@ -42,14 +43,49 @@ def concave(seed: int) -> ItemFront[int]:
     return ItemFront.of(away / np.linalg.norm(away, axis=1)[:, None], names=["a", "b", "c"], quanta=[1e-9] * 3)
 
 
-def test_the_evidence_of_the_second_model_is_that_of_integration():
-    """Monte Carlo over 400,000 draws of two differences of values; Laplace's error is below a tenth here."""
-    covariance = np.array([[1.5, 0.6], [0.6, 1.0]])
-    draws = np.random.default_rng(0).multivariate_normal(np.zeros(2), covariance, 400_000)
-    chances = (0.01 + 0.98 * expit(draws)).prod(axis=1)
-    assert laplace(covariance).evidence == pytest.approx(np.log(chances.mean()), abs=0.1)
-    expected = (draws * chances[:, None]).mean(axis=0) / chances.mean()
-    assert covariance @ laplace(covariance).slopes == pytest.approx(expected, abs=0.15)
+LOSSES: list[Callable[[FloatArray, FloatArray, FloatArray, FloatArray], float]] = [
+    lambda x, w, wanted, shape: sum(w * np.maximum(x - wanted, 0)),
+    lambda x, w, wanted, shape: sum(w * np.abs(x - wanted) ** shape),
+    lambda x, w, wanted, shape: sum(w / (1 + np.exp(-shape * (x - wanted)))),
+    lambda x, w, wanted, shape: sum(w * x**shape),
+    lambda x, w, wanted, shape: max(w * x),
+]
+
+
+@pytest.mark.parametrize("kind", range(KINDS))
+def test_losses_of_other_tastes_are_their_definition_with_the_range_1_on_the_front(kind):
+    rows = np.random.default_rng(1).random((30, 3))
+    tastes, losses = Tastes.draw(rows, Prior(), 50, np.random.default_rng(2))
+    assert losses.min(axis=1) == pytest.approx(0.0)
+    assert losses.max(axis=1) == pytest.approx(1.0)
+    for i in np.flatnonzero(tastes.kinds == kind):
+        raw = [LOSSES[kind](x, tastes.shares[i], tastes.wanted[i], tastes.shapes[i]) for x in rows]
+        assert losses[i] == pytest.approx((np.array(raw) - min(raw)) / np.ptp(raw))
+        gain = tastes.sharpness[i] * (losses[i, 4] - losses[i, 3])
+        chance = 0.01 + 0.98 / (1 + np.exp(-gain))
+        assert tastes.log_probability(rows[3:4], rows[4:5])[i] == pytest.approx(np.log(chance))
+
+
+def test_a_subset_of_people_has_their_losses_whatever_their_kinds():
+    rows = np.random.default_rng(1).random((30, 3))
+    tastes, losses = Tastes.draw(rows, Prior(), 50, np.random.default_rng(2))
+    kept = np.random.default_rng(3).random(50) < 0.4
+    assert tastes.subset(kept).losses(rows) == pytest.approx(losses[kept])
+
+
+def test_doubt_is_almost_the_same_with_other_draws_and_ignores_no_difference():
+    front = people.front(100)
+    loss = np.abs(Preference.fit(front).scale.rows_on(front) - 0.5).sum(axis=1)
+    person = Preference.fit(front, ties=True)
+    answer = certain(loss)
+    for a, b in [(i, 99 - i) for i in range(10)]:
+        person = person.told(a, b, answer(a, b))
+    doubts = [FitCheck.of(Preference.fit(front, [(a.chosen, a.first + a.second - a.chosen) for a in person.answers],
+                                         ties=True, seed=seed)).doubt for seed in range(3)]  # fmt: skip
+    assert np.ptp(doubts) < 0.5
+    check = FitCheck.of(person)
+    row = 0 if check.row else 1
+    assert check.told(check.row, row, None).doubt == check.doubt
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -85,7 +121,6 @@ def test_each_question_compares_the_best_row_with_another_challenger():
         challengers.add(sum(pair) - check.row)
         check = check.told(*pair, None)
     assert len(challengers) == CHECKS
-    assert check.lost == CHECKS / 2  # no difference counts as half
 
 
 def test_a_threshold_is_suggested_to_a_person_who_cares_only_above_it():
@@ -107,9 +142,11 @@ def test_a_test_needs_answers_and_its_own_row():
 
 
 @pytest.mark.proof
-def test_four_of_five_people_with_regrets_in_the_museum_are_found_at_one_false_alarm_in_twenty():
+@pytest.mark.parametrize(("name", "least"), [("museum", 0.8), ("convex", 0.6)])
+def test_people_with_regrets_are_found_at_one_false_alarm_in_twenty(name, least):
     """People err as the model says. Bounds leave room for chance: 200 people who fit, some 40 who do not."""
-    front = load_scenario(Path(__file__).parents[2] / "examples" / "museum.yaml").problem.solve("lattice", step=0.25)
+    museum = Path(__file__).parents[2] / "examples" / "museum.yaml"
+    front = people.front(158) if name == "convex" else load_scenario(museum).problem.solve("lattice", step=0.25)
     alarms, found = [], []
     for seed in range(200):
         rng = np.random.default_rng([seed, 8])
@@ -127,8 +164,8 @@ def test_four_of_five_people_with_regrets_in_the_museum_are_found_at_one_false_a
         if loss[check.row] - loss.min() > 0.1:
             found.append(not check.fits)
     assert sum(alarms) <= 20  # at 5 %: more by chance once in 1,000 times
-    assert len(found) >= 30
-    assert np.mean(found) >= 0.75  # 4 of 5, less what 40 people may differ by
+    assert len(found) >= 20
+    assert np.mean(found) >= least
 
 
 def erring(rng: np.random.Generator, loss: FloatArray, sharpness: float) -> Answer:
