@@ -124,7 +124,7 @@ def serves(criterion: type, asked: hpop.Problem) -> bool:
 
 
 def reworded(certificate: str) -> str:
-    """Return the certificate of a kept front in the words of today, where only words have changed."""
+    """Return a certificate with the same words in kept and new fronts, where only words have changed."""
     for old, new in REWORDED.items():
         certificate = re.sub(old, new, certificate)
     return certificate
@@ -134,7 +134,7 @@ def differences(now: hpop.Front, kept: hpop.Front) -> Iterator[str]:
     """Yield the differences of two fronts."""
     for name in ("names", "status", "certificate"):
         was, is_ = getattr(kept, name), getattr(now, name)
-        was = reworded(was) if name == "certificate" else was
+        was, is_ = (reworded(text) if name == "certificate" else text for text in (was, is_))
         if was != is_:
             yield f"{name} was {was!r}, is {is_!r}"
     if now.costs.shape != kept.costs.shape:
