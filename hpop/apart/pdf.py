@@ -237,7 +237,7 @@ def _layer(raw: Any, thing: Any) -> str:
 
 
 def _name(raw: Any, mark: Any) -> str:
-    """Return the name in a content mark; it is read as bytes, since pdfium would read UTF-16 as UTF-8."""
+    """Return the layer name in a content mark, read as bytes: pdfium's own text function misreads UTF-16."""
     size = ctypes.c_ulong()
     buffer = ctypes.create_string_buffer(512)
     to = ctypes.cast(buffer, ctypes.POINTER(ctypes.c_ubyte))

@@ -92,7 +92,10 @@ def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> 
             f"{did_you_mean(wish, [HURRY, *(f'fewer {name}' for name in names)])}"
         )
     if limits:
-        raise DriveError(f"{shown(wish)} takes no shares; give shares alone, such as duration=-0.2, or with 'hurry'")
+        raise DriveError(
+            f"the wish {shown(wish)} cannot be combined with changes of costs, such as duration=-0.2 (a fifth less). "
+            f"Give the wish alone, or the changes alone; only '{HURRY}' may have both"
+        )
     name = match.group(1)
     _check(name, names)
     return _CheckedWish(name, {})

@@ -336,7 +336,10 @@ def speed_faults(speeds: Sequence[float], trajectory: Trajectory) -> Iterator[st
 
 
 def _ramp_faults(trajectory: Trajectory, i: int, fastest: float) -> Iterator[str]:
-    """Yield a text for each fault of the executed ramp ``i``: a speed or an acceleration beyond the base's largest."""
+    """Yield a text for each fault of the executed ramp ``i``: a speed above ``fastest`` or too large an acceleration.
+
+    ``fastest`` is the largest speed class, m/s; accelerations are compared with the base's largest.
+    """
     s = trajectory.states
     length = np.hypot(s.x[i + 1] - s.x[i], s.y[i + 1] - s.y[i])
     hardest = laws_of(trajectory.model)[CHANGE].acceleration  # type: ignore[attr-defined]

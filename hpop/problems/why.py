@@ -325,12 +325,14 @@ class _Comparison:
         return f"a path with the costs of {noun} {listed} passes there"
 
     def _place(self, rows: tuple[int, ...], row: int, better: int | None, *, never: bool) -> str:
-        """Return the end of the sentence, such as "it is never better": how the whole front compares with the paths.
+        """Return the end of the sentence, such as "it is never better": the front compared with the allowed paths.
 
-        rows    rows of the front whose costs a path that satisfies the condition has, too
-        row     row with which the best path is compared
-        better  row that is as good as the best path in each cost and better in one, or None
-        never   whether each of these paths has a row that is at least as good in each cost
+        An allowed path satisfies the user's condition. The sentence describes the best one.
+
+        rows    rows of the front with the same costs as an allowed path
+        row     row with which the best allowed path is compared
+        better  row that dominates the best allowed path (as good in each cost, better in one), or None
+        never   whether, for each allowed path, some row is at least as good in each cost
         """
         if rows:
             return f"it is on the front: {self._passing_rows(rows)}"

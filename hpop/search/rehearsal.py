@@ -58,7 +58,7 @@ class _Rehearsal(Clock):
 
 
 def rehearse(part: str, aggregates: Sequence[str], turns: int) -> None:
-    """Search a tiny lattice, and compile the kernels of one part: "search", "bounds" or "weights".
+    """Compile the kernels of one part ("search", "bounds" or "weights") by searching a tiny lattice.
 
     aggregates  "sum" or "max" for each cost
     turns       column of the cost that counts turns, or -1

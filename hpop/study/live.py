@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.base.text import printable
+from hpop.base.text import printable, some
 from hpop.errors import StudyError
 from hpop.live.record import read_record
 from hpop.study.conditions import LIVE
@@ -26,7 +26,9 @@ def record_name(design: Design, participant: str) -> str:
     """Return the name of a new record of a participant's live session; StudyError if the study has none for them."""
     person = design.participant(participant)
     if person not in design.expected:
-        raise StudyError(f"{participant} has left the study; give a participant who is expected")
+        raise StudyError(
+            f"{participant} has left the study; give one of {some([other.id for other in design.expected])}"
+        )
     if not any(condition.kind == LIVE for condition in design.conditions):
         raise StudyError(
             "this study has no live session among its stimuli; name it when the study begins: "

@@ -356,7 +356,10 @@ def _frame_fault(criterion: Criterion, world: World, tours: list[Trajectory]) ->
 
 
 class _SampledWorld(World):
-    """World whose clearance is the sampled field for numbers too, as it is for symbols, so that both are equal."""
+    """World that always takes the clearance from the sampled field.
+
+    Symbolic evaluation can only use this field, so that numeric and symbolic costs must then be equal.
+    """
 
     def clearance(self, x: Column, y: Column, *, z: tuple[float, float] = (-np.inf, np.inf)) -> Column:
         return self.clearance_field(z=z)(x, y)

@@ -1,4 +1,4 @@
-"""Car-like base: model, motion laws, and shortest paths by the words of Dubins and of Reeds and Shepp."""
+"""Car-like base: model, motion laws, and shortest paths of the Dubins and Reeds-Shepp families."""
 
 from hpop.models.ackermann.laws import CircularArc, Clothoid
 from hpop.models.ackermann.model import Ackermann

@@ -210,7 +210,11 @@ class Ackermann(PlanarModel):
         yield from self._jumps(trajectory)
 
     def doubtful(self, law: Law, start: States, end: States) -> BoolArray:
-        """Return a mask (M,) of motions that need :meth:`faults`: all clothoids, ramps, and arcs beyond a limit."""
+        """Return a mask (M,) of motions that :meth:`faults` must check.
+
+        These are all clothoids, all speed ramps, and arcs that exceed the car's limits of curvature, speed or steering
+        rate, or that reverse although the car cannot.
+        """
         found = super().doubtful(law, start, end) | doubtful_ramps(law, start, end)
         if not isinstance(law, SteeredGeometry):
             return found

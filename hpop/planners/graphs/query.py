@@ -66,10 +66,10 @@ def refuse_too_many(objectives: Objectives) -> None:
 
 
 def tolerance_counts(objectives: Objectives, tolerance: Mapping[str, float]) -> IntArray:
-    """Convert the option ``tolerance``, absolute errors by name of a cost, to quanta (k,), one for each cost.
+    """Convert the option ``tolerance`` to whole numbers of quanta (k,), one for each cost.
 
-    Values are rounded down, and costs without a tolerance get 0. Raises OptionError for an unknown cost or an invalid
-    value.
+    A quantum is the smallest step of a cost; ``tolerance`` has absolute errors by name of a cost. Values are rounded
+    down, and costs without a tolerance get 0. Raises OptionError for an unknown cost or an invalid value.
     """
     names = [criterion.name for criterion in objectives.optimised]
     for name in tolerance:

@@ -1,7 +1,7 @@
-"""Data that a prepared graph keeps between queries: closed arcs and lower bounds; and checks of known paths.
+"""Closed arcs and lower bounds, which a prepared graph keeps between queries, and checks of known paths.
 
-A group is a set of nodes joined by turns. A hull is a table of joint bounds (:mod:`.staircase.turn_hull`), with a
-layer for each number of turns.
+A closed arc is an arc that paths may not use. A group is a set of nodes joined by turns. A hull is a table of lower
+bounds on weighted sums of two costs (:mod:`.staircase.turn_hull`), with a layer for each number of turns.
 """
 
 from __future__ import annotations

@@ -225,11 +225,12 @@ def _spread(gradients: FloatArray, people: Sequence[Any]) -> FloatArray:
     It makes the standard errors account for similar choices of one person, and has the small-sample factor
     n / (n - 1) for n people.
     """
-    _, member = np.unique(np.array(people), return_inverse=True)
-    count = int(member.max()) + 1
+    different, member = np.unique(np.array(people), return_inverse=True)
+    count = len(different)
     if len(member) != len(gradients) or count < 2:
         raise StudyError(
-            f"people must give the person of each of {len(gradients)} comparisons, two people or more, got {count}"
+            f"people must name one person for each of {len(gradients)} comparisons, with two or more different people; "
+            f"got {len(member)} names of {count} people"
         )
     sums = np.zeros((count, gradients.shape[1]))
     np.add.at(sums, member, gradients)

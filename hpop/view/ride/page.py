@@ -168,9 +168,10 @@ def rates(criteria: Sequence[Criterion], trajectory: Trajectory, world: World) -
 
 
 def packed_columns(values: FloatArray, scale: float) -> dict[str, Any]:
-    """Return columns of numbers (N, C) as JSON: whole multiples of ``scale``, differenced twice.
+    """Return columns of numbers (N, C) as JSON: second differences of whole multiples of ``scale``.
 
-    Even motion then gives mostly zeros.
+    Each difference begins from 0, so first values are kept: 2, 4, 6 becomes 2, 2, 2, and then 2, 0, 0. Uniform motion
+    gives mostly zeros.
 
     >>> packed_columns(np.array([[1.0], [2.0], [3.0]]), 0.5)
     {'scale': 0.5, 'columns': [[2, 0, 0]]}

@@ -76,9 +76,13 @@ def in_view(pose: Pose, landmark: Landmark, size: int, fov: Column, vertical: Co
 
 
 def openness(world: World, pose: Pose, size: int, radius: float) -> FloatArray:
-    """Return the visible fraction (N,), in [0, 1], of the horizontal disc of ``radius`` m around each of N cameras.
+    """Return the fraction (N,), 0 to 1, of a horizontal disc around each camera that obstacles do not hide.
 
-    Obstacles that contain a camera hide nothing from it.
+    An obstacle that contains a camera hides nothing from it.
+
+    pose    poses of the N cameras, m and rad
+    size    number N of cameras
+    radius  m, radius of the disc
     """
     directions = over_sphere(RAYS, height=0.0)
     place = rows((pose.x, pose.y, pose.z), size)

@@ -257,7 +257,10 @@ class StateLattice(StateGraph):
 
     @property
     def size(self) -> int:
-        """Number of states: P * S for all stations at the P positions, with those in which the robot collides."""
+        """Number of states, P * S: P positions with S states (headings and joint values) each.
+
+        States in which the robot collides are counted too.
+        """
         return int(self.cells[0].size) * self.width
 
     def state(self, row: int, column: int, station: int) -> int:

@@ -314,7 +314,10 @@ class SplineJob:
         return cast(JointCollision, self.problem.model.collision(self.problem.world))
 
     def _states(self, knots: Knots, law: SplineLaw) -> States:
-        """Return the joint states at all FRACTIONS of all pieces: all pieces at the first fraction, and so on."""
+        """Return the joint values of the spline at FRACTIONS of each piece, all pieces at the first fraction first.
+
+        ``law`` names the joints.
+        """
         rows = np.concatenate([knots.at(fraction) for fraction in FRACTIONS.tolist()])
         return States(**dict(zip(law.names, rows.T, strict=True)))
 
