@@ -1,4 +1,4 @@
-"""Benchmark of an arm's geometry: poses, goals, states, clearances and certified motions a second of one core.
+"""Benchmark of an arm's geometry: poses, goals, states, clearances, certified motions, and costs of hidden targets.
 
 ``python benchmarks/arm.py --out out/bench/arm.json``
 
@@ -20,6 +20,7 @@ import mbm
 import numpy as np
 
 import hpop
+from hpop.criteria import make_criterion, motion_costs
 from hpop.goals import LookAt
 from hpop.models.serial_arm.model import SerialArm
 from hpop.motions import Motions, States
@@ -59,8 +60,19 @@ def goals(arm: SerialArm) -> dict[str, Any]:
     }
 
 
-def measured(arm: SerialArm, world: hpop.World, rng: np.random.Generator) -> dict[str, Any]:
-    """States, clearances and motions in one world."""
+def hidden(motions: Motions, target: Any, rays: int) -> float:
+    """Processor seconds of `occlusion` for 250,000 such motions."""
+    criterion = make_criterion({"occlusion": {"target": target, "rays": rays}})
+
+    def costs() -> None:
+        motion_costs(criterion, Motions(motions.world, motions.model, motions.law, motions.start, motions.end))
+
+    return 250_000 / len(motions) * seconds(costs)
+
+
+def measured(arm: SerialArm, problem: hpop.Problem, rng: np.random.Generator) -> dict[str, Any]:
+    """States, clearances and motions in the world of a problem, and views of what is grasped."""
+    world, target = problem.world, problem.criteria[2].target
     collision, drawn = arm.collision(world), arm.space.sample(rng, STATES)
     free = collision.states_free(drawn)
     row: dict[str, Any] = {
@@ -74,6 +86,8 @@ def measured(arm: SerialArm, world: hpop.World, rng: np.random.Generator) -> dic
         ways = {n: getattr(other, n) - getattr(start, n) for n in start.names}
         end = States(**{n: getattr(start, n) + share * way for n, way in ways.items()})
         motions = Motions(world, arm, arm.laws["reach"], start, end)
+        if name == "middling":
+            row["occlusion_of_250000_motions_s"] = {rays: hidden(motions, target, rays) for rays in (37, 1)}
         row[f"motions_{name}"] = {
             "a_second": len(motions) / seconds(lambda motions=motions: collision.motions_free(motions)),  # type: ignore[misc]
             "free": float(collision.motions_free(motions).mean()),
@@ -95,7 +109,7 @@ def main() -> None:
     report: dict[str, Any] = {f"poses_{POSES}_s": seconds(lambda: columns(arm, drawn))}
     report[f"goals_{GOALS}"] = goals(arm)
     for name in mbm.SETS:
-        report[name] = measured(arm, mbm.asked(name, 1)[0], rng)
+        report[name] = measured(arm, mbm.problem(arm, name, 1), rng)
     print(json.dumps(report, indent=1))
     if arguments.out:
         arguments.out.parent.mkdir(parents=True, exist_ok=True)

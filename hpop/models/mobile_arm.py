@@ -48,7 +48,7 @@ from hpop.models.rigid import (
     turned_body,
 )
 from hpop.models.serial_arm import SerialArm
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, frames, levers, pairs_apart
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, levers, pairs_apart, placed_parts
 from hpop.models.serial_arm.checks import check_touches
 from hpop.models.serial_arm.collision import SAMPLES
 from hpop.models.serial_arm.judge import LIBRARIES
@@ -370,8 +370,7 @@ class MobileArm(OnBase, Model):
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
         """Return the shapes of the collision solids and their poses (N, 4, 4); they can hide things from the camera."""
-        placed = frames(self.chain, states)
-        return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
+        return placed_parts(self.chain, self.parts, states)
 
     def collision(self, world: World) -> MobileCollision:
         """Return the collision test for planning: of the base in the plane, with proofs for the links."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, reduce
 from itertools import chain, islice
@@ -15,6 +15,7 @@ from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.options import whole
 from hpop.motions.bodies import Body, Instants, Rate, first_derivative, second_derivative, standing
+from hpop.motions.flags import ASKED, Flags, flag_integrals
 from hpop.motions.laws import Law, Phase, is_curve, slopes, stands
 from hpop.motions.model import Model
 from hpop.motions.quadrature import (
@@ -23,6 +24,7 @@ from hpop.motions.quadrature import (
     adaptive_integrals,
     before_kinks,
     elapsed_before,
+    elapsed_time,
     evenly,
     panel_counts,
     pieces_of,
@@ -38,6 +40,9 @@ MOST_PIECES = 100_000  # most pieces into which `moments` cuts a phase
 SYMBOLIC_PANELS = 3  # panels (quadrature intervals) of a phase on CasADi symbols, unless the batch sets another number
 
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
+
+FlagsOf = Callable[[Instants, Flags], None]
+"""Function that computes flags (N, K) at moments within motions, where they are 2."""
 
 
 class _Probe(NamedTuple):
@@ -159,6 +164,33 @@ class Motions:
             mean = self._phase_mean(rate, phase, probe, jumps, timed, detail) if mean is None else mean
             total = total + phase.duration * mean
         return total
+
+    def integrate_flags(self, flags: FlagsOf, count: int) -> Column:
+        """Return the time integral (M,) of the share of ``count`` flags that are set along each motion.
+
+        flags  function of :class:`Instants` and values (N, count): writes 0 or 1 to values that are 2, and reads states
+               only, not the time
+
+        Laws whose ``quadrature`` is "adaptive" use the rule of :mod:`hpop.motions.flags`, which computes a flag again
+        only near its changes, once for a motion and its reverse (:attr:`twins`). Others use :meth:`integrate`.
+        """
+        if not self._adaptive:
+
+            def share(s: Instants) -> FloatArray:
+                values = np.full((s.state.size, count), ASKED, np.int8)
+                flags(s, values)
+                return np.asarray(values.mean(axis=1))
+
+            return self.integrate(share, jumps=True)
+        whole, some = self._whole
+        found = flag_integrals(
+            lambda u, owner, values: flags(self._instants(whole, u, owner), values),
+            elapsed_time(self.phases),
+            some,
+            self._turned,
+            count,
+        )
+        return found[self.twins]
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:
         """Return the largest value (M,) of a rate along each motion, sampled at the ends and middles of panels.
@@ -288,11 +320,16 @@ class Motions:
 
     def _integral_over_states(self, rate: Rate, jumps: bool) -> FloatArray:
         """Return the time integral (M,), by adaptive quadrature, of a rate that reads states only, not the time."""
-        nothing = 0.0 * self.duration
-        whole = Phase(self.duration, nothing, 1.0 + nothing, "cruise")
-        some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
+        whole, some = self._whole
         pieces = pieces_of(self._turned, jumps=jumps)
         return adaptive_integrals(self._at(rate, whole), timed(self.phases), some, pieces, jumps=jumps)[self.twins]
+
+    @property
+    def _whole(self) -> tuple[Phase, IntArray]:
+        """Each motion as one even phase, whose times are shares of the motion; indices of those to be integrated."""
+        nothing = 0.0 * self.duration
+        some = np.flatnonzero((self.duration > 0) & (self.twins == np.arange(len(self))))
+        return Phase(self.duration, nothing, 1.0 + nothing, "cruise"), some
 
     def _at(self, rate: Rate, phase: Phase) -> ValuesAt:
         """Return a function that takes fractions of a phase's time and motion indices, and evaluates the rate there."""

@@ -103,6 +103,25 @@ def timed(phases: Sequence[Phase]) -> WeightsOf:
     return weights
 
 
+def elapsed_time(phases: Sequence[Phase]) -> Callable[[FloatArray, IntArray], FloatArray]:
+    """Return a function of shares (N,) of motions, with their indices (N,): the time (N,), s, until they are done.
+
+    phases  timing of the motions
+    """
+
+    def time_at(share: FloatArray, owner: IntArray) -> FloatArray:
+        time = np.zeros(owner.size)
+        for phase in phases:
+            first, last = phase.begin[owner], phase.end[owner]
+            covered = np.where(last > first, last - first, 1.0)
+            change = phase.change[owner] if phase.shape == "ramp" else 0.0
+            part = np.where(last > first, np.clip((share - first) / covered, 0.0, 1.0), 0.0)
+            time += phase.duration[owner] * _time_of(phase.shape, change, part)
+        return time
+
+    return time_at
+
+
 def _time_of(shape: str, change: Column, part: FloatArray) -> FloatArray:
     """Return the fraction of a phase's time after which ``part`` (0 to 1) of its share is done.
 

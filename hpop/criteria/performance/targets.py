@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hpop.base.arrays import Column, FloatArray
+from hpop.base.arrays import Column
 from hpop.base.math import angle_between, norm
 from hpop.base.options import FARTHEST, LEAST, MOST, real, set_reals, set_wholes
 from hpop.base.text import shown
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
-from hpop.motions import Instants, Model, Motions, Vector
+from hpop.motions import Instants, Motions, Vector
 from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
 from hpop.world.geometry.solids import Solid
 
@@ -151,23 +152,23 @@ class Occlusion(Targeted):
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the blocked share (M,), s."""
-        surfaces = surfaces_of(m.world)
-        return m.integrate(lambda s: self._blocked_share(m.model, surfaces, s), jumps=True)
+        world, model = surfaces_of(m.world), m.model
+        shapes = [shape for shape, _ in model.bodies(m.start.take([0]))]
+        surfaces = world.joined(Surfaces.of([Solid(shape, np.eye(4)) for shape in shapes]))
+        return m.integrate_flags(lambda s, rays: self._find_blocked(surfaces, len(world), s, rays), self.rays)
 
-    def _blocked_share(self, model: Model, surfaces: Surfaces, s: Instants) -> FloatArray:
-        """Return the share (N,) of rays to the target that are blocked."""
+    def _find_blocked(self, surfaces: Surfaces, fixed: int, s: Instants, rays: NDArray[np.int8]) -> None:
+        """Write to rays (N, K), where they are 2, whether those to the target are blocked: 0 or 1."""
         size = s.state.size
         camera = rows((s.camera.x, s.camera.y, s.camera.z), size)
-        bodies = model.bodies(s.state)
-        shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in bodies])
-        poses = np.stack([pose for _, pose in bodies]) if bodies else np.empty((0, size, 4, 4))
         # For a target that moves, rays are drawn in a frame whose origin is the target.
         target, seen_from = self.target, camera
         if isinstance(target, str):
             target, seen_from = (0.0, 0.0, 0.0), camera - rows(self.position(s), size)
-        share, step = np.empty(size), max(1, BLOCK // self.rays)
+        step = max(1, BLOCK // self.rays)
+        poses = [pose for _, pose in s.model.bodies(s.state)]
         for begin in range(0, size, step):
             part = slice(begin, begin + step)
-            rays = towards_ball(seen_from[part], target, self.radius, self.rays)
-            share[part] = surfaces.blocked(shapes, poses[:, part], camera[part], *rays)
-        return share
+            placed = np.stack([pose[part] for pose in poses]) if poses else np.empty((0, 0, 4, 4))
+            lines = towards_ball(seen_from[part], target, self.radius, self.rays)
+            surfaces.find_blocked(fixed, placed, camera[part], *lines, rays[part])

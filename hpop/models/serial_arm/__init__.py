@@ -9,6 +9,7 @@ from hpop.base.lazy import homes_of, on_first_use
 if TYPE_CHECKING:  # imported on first use: numba is slow to import
     from hpop.models.serial_arm import certificate as certificate
     from hpop.models.serial_arm import distances as distances
+    from hpop.models.serial_arm import postures as postures
     from hpop.models.serial_arm.model import SerialArm
 
 __all__ = ["SerialArm"]

@@ -20,12 +20,16 @@ from hpop.base.arrays import BoolArray, FloatArray, frozen
 from hpop.base.options import Degrees
 from hpop.base.text import shown
 from hpop.errors import MapError, ModelError, did_you_mean
+from hpop.models import serial_arm
 from hpop.motions import States
 from hpop.world.bodies import MOST_ATTACHED, LinkRules
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
 
 if TYPE_CHECKING:
     from hpop.world.geometry.solids import Solid
+
+MANY = 256
+"""States from which on poses are computed by a compiled kernel."""
 
 Pair = tuple[str, str]
 """Names of two links, in alphabetical order."""
@@ -111,6 +115,20 @@ def frames(chain: Chain, states: States) -> list[FloatArray]:
         value = np.broadcast_to(getattr(states, name), (states.size,))
         found.append(found[-1] @ origin @ (_slide_poses if sliding else _rotation_poses)(axis, value))
     return found
+
+
+def placed_parts(chain: Chain, parts: Sequence[ArmPart], states: States) -> list[tuple[Shape, FloatArray]]:
+    """Return the shapes of parts and their poses in the world (N, 4, 4) in each of N states; not for CasADi symbols."""
+    if states.size <= MANY:
+        found = frames(chain, states)
+        return [(part.solid.shape, found[part.frame] @ part.solid.pose) for part in parts]
+    poses = np.empty((len(parts), states.size, 4, 4))
+    offsets = np.array([part.solid.pose for part in parts], np.float64).reshape(-1, 4, 4)
+    numbers = np.array([part.frame for part in parts], np.int64)
+    values = np.array([np.broadcast_to(getattr(states, name), (states.size,)) for name in chain.names], np.float64)
+    joints = (np.ascontiguousarray(array) for array in (chain.origins, chain.axes, chain.sliding))
+    serial_arm.postures.place_bodies(*joints, values, numbers, offsets, poses)
+    return [(part.solid.shape, pose) for part, pose in zip(parts, poses, strict=True)]
 
 
 def _slide_poses(axis: FloatArray, way: FloatArray) -> FloatArray:

@@ -20,7 +20,7 @@ from hpop.models.base import model
 from hpop.models.files import is_record, record, without_paths
 from hpop.models.rigid import FieldOfView, checked_field_of_view
 from hpop.models.serial_arm.arm_file import ArmFile, read_arm
-from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, attached_objects, frames, levers, pairs_apart
+from hpop.models.serial_arm.chain import ArmPart, Chain, Pair, attached_objects, levers, pairs_apart, placed_parts
 from hpop.models.serial_arm.checks import (
     SLOWEST,
     check_touches,
@@ -341,8 +341,7 @@ class SerialArm(Model):
 
     def bodies(self, states: States) -> list[tuple[Shape, FloatArray]]:
         """Return the shapes of the collision parts and their poses (N, 4, 4); they can hide things from the camera."""
-        placed = frames(self.chain, states)
-        return [(part.solid.shape, placed[part.frame] @ part.solid.pose) for part in self.parts]
+        return placed_parts(self.chain, self.parts, states)
 
     def extent(self, motions: Motions) -> tuple[Column, Column]:
         """Return upper bounds (M,), m and rad, on how far tool and camera move and turn in each motion.

@@ -1,17 +1,26 @@
-"""Compiled loop that counts the lines of sight that bodies in space block, with few divisions per line."""
+"""Compiled loop that finds which lines of sight bodies in space block, with few divisions per line.
+
+The rays from one point to a target form a narrow cone. A hull in this cone is seen as a convex polygon. The sides of
+the polygon decide for the cone as a whole: it misses the hull, it is blocked, or a few sides cut it and are compared
+with each ray.
+"""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.world.geometry._kernels import PARALLEL, TOUCH, bundle, in_bundle, inside, within_reach
 
-LATER = -1  # the planes of a hull are sorted when a ray meets its box, but none of its balls
 BOX = 3  # most planes of a box that face a point outside it
+EDGES = 12  # of a box
+ASKED = 2  # a ray that is to be tested; see rays_in_space
+NONE, UNSURE = -1, -2  # no ray enters a hull; the outline of a hull does not decide it
+ROUND, FACES, OUTLINE = 0, 1, 2  # by what a ray is tested: cylinder or ball, all faces, outline of a hull
 
 
 @lean
@@ -30,8 +39,8 @@ def _faced(
     first: int,
     last: int,
     o: tuple[float, ...],
-    axis: tuple[float, ...],
-    sine: float,
+    cone: tuple[float, ...],
+    reach: float,
     sorted_: FloatArray,
     room: int,
 ) -> tuple[int, int]:
@@ -39,15 +48,22 @@ def _faced(
 
     Return the row after the planes that face the point o, and the row after all planes. The last column becomes the
     distance of the point behind each plane, m. Nothing is copied for a body that no ray from the point can enter: one
-    that contains the point, or that lies behind the cone of rays.
+    that contains the point, or one with a plane that all rays, at most ``reach`` m long, stay in front of.
+
+    cone  axis x, y, z of the rays, and sine and cosine of their largest angle with it; a sine of 2 for rays all round
     """
     front, back = room, room + last - first
     for k in range(first, last):
         x, y, z = planes[k, 0], planes[k, 1], planes[k, 2]
         gap = planes[k, 3] - x * o[0] - y * o[1] - z * o[2]
         if gap < 0.0:
-            if x * axis[0] + y * axis[1] + z * axis[2] > sine:
+            along = x * cone[0] + y * cone[1] + z * cone[2]
+            if along > cone[3]:
                 return room, room
+            if -cone[4] < along < 0.0:
+                along = along * cone[4] - cone[3] * math.sqrt(1.0 - along * along)
+                if along * reach > gap:
+                    return room, room
             at = front
             front += 1
         else:
@@ -95,44 +111,52 @@ def _enters(planes: FloatArray, first: int, front: int, last: int, d: tuple[floa
 
 
 @lean
-def _is_clear(planes: FloatArray, first: int, o: tuple[float, ...]) -> bool:
-    """Return whether a point ``o`` is outside the box of a hull, its first six planes, by more than a touch."""
-    for k in range(first, first + 2 * BOX):
-        if planes[k, 3] - planes[k, 0] * o[0] - planes[k, 1] * o[1] - planes[k, 2] * o[2] < -2.0 * TOUCH:
-            return True
-    return False
+def _cut(
+    columns: FloatArray,
+    first: int,
+    last: int,
+    sides: IntArray,
+    corners: FloatArray,
+    begin: int,
+    end: int,
+    o: tuple[float, ...],
+    axis: tuple[float, ...],
+    sine: float,
+    gaps: FloatArray,
+    sorted_: FloatArray,
+    room: int,
+) -> int:
+    """Write the planes through the point ``o`` and the outline of a hull that cut a cone of rays, from row ``room`` on.
 
+    Return the row after them: ``room`` if all rays enter the hull, NONE if no ray does, and UNSURE if o is not clear of
+    the hull. The outline consists of the edges between a face that faces the point and a face that does not; rays that
+    enter the hull are on the inner side of all planes through them. See `Surfaces` for sides and corners.
 
-@lean
-def _meets_box(planes: FloatArray, first: int, o: tuple[float, ...], d: tuple[float, ...], reach: float) -> bool:
-    """Return whether a ray may enter the box of a hull before ``reach``, m; if not, `_enters` would say no, too."""
-    low, high = 0.0, reach
-    for k in range(first, first + 2 * BOX):
-        x, y, z = planes[k, 0], planes[k, 1], planes[k, 2]
-        gap, slant = planes[k, 3] - x * o[0] - y * o[1] - z * o[2], x * d[0] + y * d[1] + z * d[2]
-        if gap < 0.0:
-            if slant >= -PARALLEL:
-                return False
-            low = max(low, gap / slant)
-        elif slant > PARALLEL:
-            high = min(high, gap / slant)
-    return low <= high + TOUCH
-
-
-@lean
-def _enters_ball(
-    balls: FloatArray, first: int, last: int, o: tuple[float, ...], d: tuple[float, ...], reach: float
-) -> bool:
-    """Return whether a ray is in a ball inside a hull where it is nearest to the ball's centre, before ``reach``, m.
-
-    If it begins clear of the hull, `_enters` would say so, too, but looks at all planes.
+    columns      planes (4, P); the hull has numbers ``first`` to ``last``
+    begin, end   numbers of its edges
+    gaps         scratch
     """
-    for k in range(first, last):
-        x, y, z = balls[k, 0] - o[0], balls[k, 1] - o[1], balls[k, 2] - o[2]
-        along = x * d[0] + y * d[1] + z * d[2]
-        if 0.0 < along < reach and x * x + y * y + z * z - along * along < balls[k, 3] * balls[k, 3]:
-            return True
-    return False
+    for k in range(last - first):
+        gaps[k] = columns[3, first + k] - columns[0, first + k] * o[0] - columns[1, first + k] * o[1]
+        gaps[k] -= columns[2, first + k] * o[2]
+    is_clear = False
+    for e in range(begin, end):
+        i, j = sides[e, 0], sides[e, 1]
+        if (gaps[i] < 0.0) == (gaps[j] < 0.0):
+            continue
+        is_clear |= min(gaps[i], gaps[j]) < -2.0 * TOUCH
+        ax, ay, az = corners[e, 0] - o[0], corners[e, 1] - o[1], corners[e, 2] - o[2]
+        bx, by, bz = corners[e, 3] - o[0], corners[e, 4] - o[1], corners[e, 5] - o[2]
+        x, y, z = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+        if gaps[i] >= 0.0:
+            x, y, z = -x, -y, -z
+        along, most = x * axis[0] + y * axis[1] + z * axis[2], sine * math.sqrt(x * x + y * y + z * z)
+        if along > most:
+            return NONE
+        if along >= -most:
+            sorted_[room, 0], sorted_[room, 1], sorted_[room, 2] = x, y, z
+            room += 1
+    return room if is_clear else UNSURE
 
 
 @kernel
@@ -140,104 +164,123 @@ def blocked(
     planes: FloatArray,
     begin: IntArray,
     rounds: FloatArray,
-    own_planes: FloatArray,
-    own_begin: IntArray,
-    own_rounds: FloatArray,
-    inner: FloatArray,
-    first_ball: IntArray,
+    first_edge: IntArray,
+    sides: IntArray,
+    corners: FloatArray,
+    fixed: int,
     poses: FloatArray,
     origins: FloatArray,
     directions: FloatArray,
     reach: FloatArray,
-    out: FloatArray,
+    out: NDArray[np.int8],
 ) -> None:
-    """Write to out (N,) the fraction of rays from each origin (N, 3) that enter a body before ``reach`` (N, K), m.
+    """Write to out (N, K) whether rays from each origin (N, 3) enter a body before ``reach`` (N, K), m: 0 or 1.
 
-    directions (N, K, 3): unit vectors. Bodies belong to the world, or to the robot ("own"). Each body of the
-    robot moves with a frame: poses (B, N, 4, 4). See `Surfaces` for planes, begin and rounds; inner and first_ball are
-    the balls in the hulls of the robot.
+    Only rays are tested for which out is ASKED. directions (N, K, 3): unit vectors. The first ``fixed`` bodies do not
+    move. Each of the others moves with a frame: poses (B - fixed, N, 4, 4). See `Surfaces` for the other arrays.
     """
-    count, own_count = len(rounds), len(own_rounds)
-    near, some = np.empty(max(count, own_count), np.int64), np.empty(count + own_count, np.int64)
-    balls, seen_from = np.empty((own_count, 8)), np.empty((own_count, 3))
-    faces = np.empty((len(planes) + len(own_planes), 4))
-    lists = np.empty((count + own_count, 3), np.int64)
-    ranges, sorted_ = np.empty((own_count, 3), np.int64), np.full(own_count, -1)  # of hulls with balls
+    count, rays = len(rounds), directions.shape[1]
+    near, some, asked = np.empty(count, np.int64), np.empty(count, np.int64), np.empty(rays, np.int64)
+    balls, at, towards = np.empty((count, 8)), np.empty((count, 3)), np.empty((rays, 3))
+    most = 1
+    for b in range(count):
+        most = max(most, begin[b + 1] - begin[b])
+    faces, gaps = np.empty((len(planes) + len(sides), 4)), np.empty(most)
+    columns = np.ascontiguousarray(planes.T)
+    lists, form = np.empty((count, 3), np.int64), np.empty(count, np.int64)
+    for b in range(fixed):
+        balls[b] = rounds[b]
     for n in range(len(origins)):
+        wanted, farthest, nearest = 0, 0.0, math.inf
+        for k in range(rays):
+            if out[n, k] == ASKED:
+                asked[wanted] = k
+                out[n, k] = 0
+                for i in range(3):
+                    towards[wanted, i] = directions[n, k, i]
+                farthest, nearest = max(farthest, reach[n, k]), min(nearest, reach[n, k])
+                wanted += 1
+        if wanted == 0 or farthest <= 0.0:
+            continue
         o = (origins[n, 0], origins[n, 1], origins[n, 2])
-        farthest = reach[n].max()
-        cone = bundle(directions[n])
-        sine = math.sin(cone[3]) if cone[3] < 0.5 * math.pi else 2.0
+        cone = bundle(towards[:wanted])
+        sine, cosine = (math.sin(cone[3]), math.cos(cone[3])) if cone[3] < 0.5 * math.pi else (2.0, 0.0)
         axis = (cone[0], cone[1], cone[2])
-        room = kept = 0
-        for i in range(in_bundle(rounds, o, cone, near, within_reach(rounds, o, farthest, near))):
-            b = near[i]
-            lists[b, 0] = room
-            lists[b, 1], lists[b, 2] = _faced(planes, begin[b], begin[b + 1], o, axis, sine, faces, room)
-            if lists[b, 2] > room or rounds[b, 6] > 0.0:
-                room, some[kept] = lists[b, 2], b
-                kept += 1
-        for b in range(own_count):
-            pose, c = poses[b, n], own_rounds[b]
-            seen_from[b, 0], seen_from[b, 1], seen_from[b, 2] = _turned_back(
-                pose, (o[0] - pose[0, 3], o[1] - pose[1, 3], o[2] - pose[2, 3])
-            )
+        for b in range(fixed, count):
+            pose, c = poses[b - fixed, n], rounds[b]
             for i in range(3):
                 balls[b, i] = pose[i, 0] * c[0] + pose[i, 1] * c[1] + pose[i, 2] * c[2] + pose[i, 3]
             balls[b, 7] = c[7]
+        room = kept = 0
+        is_hidden = False
         for i in range(in_bundle(balls, o, cone, near, within_reach(balls, o, farthest, near))):
-            b, place = near[i], count + near[i]
-            at, along = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2]), _turned_back(poses[b, n], axis)
-            lists[place, 0] = room
-            if first_ball[b + 1] > first_ball[b] and _is_clear(own_planes, own_begin[b], at):
-                lists[place, 0], some[kept] = LATER, place
-                kept += 1
-                continue
-            lists[place, 1], lists[place, 2] = _faced(
-                own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
-            )
-            if lists[place, 2] > room or own_rounds[b, 6] > 0.0:
-                room, some[kept] = lists[place, 2], place
-                kept += 1
-        hits = 0
-        for k in range(directions.shape[1]):
-            towards = directions[n, k, 0], directions[n, k, 1], directions[n, k, 2]
-            for i in range(kept):
-                place = some[i]
-                b = place - count
-                if b < 0:
-                    d = towards
-                    if rounds[place, 6] > 0.0:
-                        low, high = inside(planes, begin[place], begin[place + 1], rounds[place], o, d)
-                        hidden = low <= high and TOUCH < low < reach[n, k]
-                    else:
-                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
-                else:
-                    d = _turned_back(poses[b, n], towards)
-                    if own_rounds[b, 6] > 0.0:
-                        at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
-                        low, high = inside(own_planes, own_begin[b], own_begin[b + 1], own_rounds[b], at, d)
-                        hidden = low <= high and TOUCH < low < reach[n, k]
-                    elif lists[place, 0] != LATER:
-                        hidden = _enters(faces, lists[place, 0], lists[place, 1], lists[place, 2], d, reach[n, k])
-                    else:
-                        at = (seen_from[b, 0], seen_from[b, 1], seen_from[b, 2])
-                        if not _meets_box(own_planes, own_begin[b], at, d, reach[n, k]):
-                            continue
-                        hidden = _enters_ball(inner, first_ball[b], first_ball[b + 1], at, d, reach[n, k])
-                        if not hidden:
-                            if sorted_[b] != n:
-                                along = _turned_back(poses[b, n], axis)
-                                ranges[b, 0] = room
-                                ranges[b, 1], ranges[b, 2] = _faced(
-                                    own_planes, own_begin[b], own_begin[b + 1], at, along, sine, faces, room
-                                )
-                                room, sorted_[b] = ranges[b, 2], n
-                            hidden = ranges[b, 2] > ranges[b, 0] and _enters(
-                                faces, ranges[b, 0], ranges[b, 1], ranges[b, 2], d, reach[n, k]
+            b = near[i]
+            here, along = o, axis
+            if b >= fixed:
+                pose = poses[b - fixed, n]
+                here = _turned_back(pose, (o[0] - pose[0, 3], o[1] - pose[1, 3], o[2] - pose[2, 3]))
+                along = _turned_back(pose, axis)
+                at[b, 0], at[b, 1], at[b, 2] = here
+            form[b], lists[b, 0] = FACES, room
+            if rounds[b, 6] > 0.0:
+                form[b] = ROUND
+            elif first_edge[b + 1] > first_edge[b]:
+                depth = balls[b, 7]
+                for i3 in range(3):
+                    depth += axis[i3] * (balls[b, i3] - o[i3])
+                if depth < nearest * cosine:  # the body is before the ends of all rays
+                    last, first, edge = NONE, begin[b], first_edge[b]
+                    for part in range(2):  # the box of the body, then its other planes
+                        until, to = (first + 2 * BOX, edge + EDGES) if part == 0 else (begin[b + 1], first_edge[b + 1])
+                        if part == 0 or until > first:
+                            last = _cut(
+                                columns, first, until, sides, corners, edge, to, here, along, sine, gaps, faces, room
                             )
+                        first, edge = until, to
+                        if last == NONE:
+                            break
+                    if last == NONE:
+                        continue
+                    if last == room:
+                        is_hidden = True
+                        break
+                    if last != UNSURE:
+                        form[b], lists[b, 1], lists[b, 2] = OUTLINE, last, last
+            if form[b] == FACES:
+                lists[b, 1], lists[b, 2] = _faced(
+                    planes, begin[b], begin[b + 1], here, (*along, sine, cosine), farthest, faces, room
+                )
+                if lists[b, 2] == room:
+                    continue
+            if form[b] != ROUND:
+                room = lists[b, 2]
+            some[kept] = b
+            kept += 1
+        if is_hidden:
+            for i in range(wanted):
+                out[n, asked[i]] = 1
+            continue
+        if kept == 0:
+            continue
+        for j in range(wanted):
+            k = asked[j]
+            ray = towards[j, 0], towards[j, 1], towards[j, 2]
+            for i in range(kept):
+                b = some[i]
+                d = ray if b < fixed else _turned_back(poses[b - fixed, n], ray)
+                if form[b] == OUTLINE:
+                    hidden = True
+                    for e in range(lists[b, 0], lists[b, 1]):
+                        if faces[e, 0] * d[0] + faces[e, 1] * d[1] + faces[e, 2] * d[2] > 0.0:
+                            hidden = False
+                            break
+                elif form[b] == FACES:
+                    hidden = _enters(faces, lists[b, 0], lists[b, 1], lists[b, 2], d, reach[n, k])
+                else:
+                    here = o if b < fixed else (at[b, 0], at[b, 1], at[b, 2])
+                    low, high = inside(planes, begin[b], begin[b + 1], rounds[b], here, d)
+                    hidden = low <= high and TOUCH < low < reach[n, k]
                 if hidden:
-                    hits += 1
+                    out[n, k] = 1
                     some[0], some[i] = some[i], some[0]  # it is likely to block the next ray too
                     break
-        out[n] = hits / directions.shape[1]

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.math import is_symbolic
@@ -29,11 +30,9 @@ GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 """Angle, rad, from one point to the next of a spiral that covers a disc or a sphere evenly (Vogel 1979)."""
 CAST = 4096
 """Origins whose rays are cast together."""
+ASKED = 2
+"""Mark of a ray that is to be tested."""
 RAYS = "rays were cast"
-INNER = 1e-6
-"""Share by which balls inside hulls are smaller than they could be, and their least radius, m."""
-MOST_BALLS = 16
-"""Most balls inside a hull."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +43,9 @@ class Surfaces:
     begin   (B + 1,)  index of each body's first plane
     rounds  (B, 8)    of each body: centre, m; axis of its cylinder (0, 0, 0 for a ball); radius of its cylinder or
                       ball (0 without one); radius of a ball round the centre that holds the body, m
-    balls   (C, 4)    balls inside the hulls: centre and radius, m; body by body, of each body the largest first
-    first   (B + 1,)  index of each body's first ball
+    edges   (B + 1,)  index of the first edge of each box and hull; the first twelve of a hull are those of its box
+    sides   (E, 2)    of each edge: the two planes that meet in it, as numbers in the box, or among the planes after it
+    corners (E, 6)    of each edge: its two ends, m, the first plane's face to the left as seen from outside
 
     >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
     >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -56,23 +56,27 @@ class Surfaces:
     planes: FloatArray
     begin: IntArray
     rounds: FloatArray
-    balls: FloatArray
-    first: IntArray
+    edges: IntArray
+    sides: IntArray
+    corners: FloatArray
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> Surfaces:
         """Build surfaces from solids in space."""
-        planes, rounds, balls = [np.empty((0, 4))], [np.empty((0, 8))], [np.empty((0, 4))]
+        planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
+        sides, corners = [np.empty((0, 2), np.int64)], [np.empty((0, 6))]
         for solid in solids:
             faces, centre, axis, radius, bound = _form(solid.shape)
             turned, place = solid.pose[:3, :3], solid.pose[:3, 3]
             normals = faces[:, :3] @ turned.T
             planes.append(np.column_stack([normals, faces[:, 3] + normals @ place]))
             rounds.append(np.array([[*(turned @ centre + place), *(turned @ axis), radius, bound]]))
-            inner = _balls(faces) if isinstance(solid.shape, Hull) else np.empty((0, 4))
-            balls.append(np.column_stack([inner[:, :3] @ turned.T + place, inner[:, 3]]))
-        begin, first = (np.cumsum([len(part) for part in parts], dtype=np.int64) for parts in (planes, balls))
-        return cls(np.concatenate(planes), begin, np.concatenate(rounds), np.concatenate(balls), first)
+            between, ends = _edges(solid.shape, faces)
+            sides.append(between)
+            corners.append((ends @ turned.T + place).reshape(-1, 6))
+        begin, edges = (np.cumsum([len(part) for part in parts], dtype=np.int64) for parts in (planes, sides))
+        arrays = np.concatenate(planes), begin, np.concatenate(rounds), edges
+        return cls(*arrays, np.concatenate(sides), np.concatenate(corners))
 
     def __len__(self) -> int:
         return len(self.rounds)
@@ -100,22 +104,35 @@ class Surfaces:
         Rays have unit directions (N, K, 3). Bodies are these surfaces, and the robot's surfaces ``own``, each of
         which moves with a frame: poses (B, N, 4, 4).
         """
+        rays = np.full(reach.shape, ASKED, np.int8)
+        self.joined(own).find_blocked(len(self), poses, origins, directions, reach, rays)
+        return np.asarray(rays.mean(axis=1))
+
+    def find_blocked(
+        self,
+        fixed: int,
+        poses: FloatArray,
+        origins: FloatArray,
+        directions: FloatArray,
+        reach: FloatArray,
+        rays: NDArray[np.int8],
+    ) -> None:
+        """Write to rays (N, K), where they are ASKED, whether rays enter a body before ``reach``: 0 or 1.
+
+        Bodies from number ``fixed`` on move with frames: poses (B - fixed, N, 4, 4). See :meth:`blocked`.
+        """
         limits.check(RAYS)
-        out = np.empty(len(origins))
         arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
-        geometry._sight_in_space.blocked(
-            self.planes,
-            self.begin,
-            self.rounds,
-            own.planes,
-            own.begin,
-            own.rounds,
-            own.balls,
-            own.first,
-            *arrays,
-            out,
-        )
-        return out
+        bodies = self.planes, self.begin, self.rounds, self.edges, self.sides, self.corners
+        geometry._sight_in_space.blocked(*bodies, fixed, *arrays, rays)
+
+    def joined(self, other: Surfaces) -> Surfaces:
+        """Return these bodies and those of ``other``, in this order."""
+        joined = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("planes", "rounds")]
+        sides, corners = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("sides", "corners"))
+        begin = np.append(self.begin, self.begin[-1] + other.begin[1:])
+        edges = np.append(self.edges, self.edges[-1] + other.edges[1:])
+        return Surfaces(joined[0], begin, joined[1], edges, sides, corners)
 
     def flow(
         self,
@@ -209,20 +226,38 @@ def over_disc(count: int) -> FloatArray:
     return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
 
 
-def _balls(planes: FloatArray) -> FloatArray:
-    """Return balls (C, 4) inside a hull, centre and radius, the largest first.
+def _edges(shape: Shape, planes: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the edges of a box or hull, see `Surfaces`: sides (E, 2), ends (E, 2, 3); none for other shapes.
 
-    The first six of the hull's ``planes`` must be its bounding box.
+    planes  those of the shape, from `_form`
     """
+    if not isinstance(shape, Box | Hull):
+        return np.empty((0, 2), np.int64), np.empty((0, 2, 3))
     high, low = planes[:3, 3], -planes[3:6, 3]
-    longest = int(np.argmax(high - low))
-    steps = [np.linspace(-0.4, 0.4, 5) if k == longest else np.linspace(-0.25, 0.25, 3) for k in range(3)]
-    grid = np.stack(np.meshgrid(*steps), axis=-1).reshape(-1, 3)
-    centres = 0.5 * (high + low) + grid * (high - low)
-    radii = (1.0 - INNER) * (planes[:, 3] - centres @ planes[:, :3].T).min(axis=1)
-    order = np.argsort(-radii, kind="stable")[:MOST_BALLS]
-    balls: FloatArray = np.column_stack([centres, radii])[order[radii[order] > INNER]]
-    return balls
+    i, j = np.nonzero(np.triu(planes[:6, :3] @ planes[:6, :3].T == 0.0))
+    along = 0.5 * (high - low) * np.cross(planes[i, :3], planes[j, :3])
+    middle = 0.5 * (high + low) + 0.5 * (high - low) * (planes[i, :3] + planes[j, :3])
+    sides, ends = np.column_stack([i, j]), np.stack([middle - along, middle + along], axis=1)
+    if isinstance(shape, Box):
+        return sides, ends
+    triangles = shape.triangles
+    face = np.unique(np.round(_faces(shape), 12), axis=0, return_inverse=True)[1].ravel()
+    a, b, of = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel(), np.repeat(face, 3)
+    there, back = np.lexsort((b, a)), np.lexsort((a, b))  # each edge, and the same one as seen from the other triangle
+    if not (np.array_equal(a[there], b[back]) and np.array_equal(b[there], a[back])):
+        return sides[:0], ends[:0]
+    own = (a[there] < b[there]) & (of[there] != of[back])
+    there, back = there[own], back[own]
+    faces, corners = np.column_stack([of[there], of[back]]), shape.points[np.column_stack([a[there], b[there]])]
+    return np.concatenate([sides, faces]), np.concatenate([ends, corners])
+
+
+def _faces(hull: Hull) -> FloatArray:
+    """Return the planes (F, 4) of a hull's triangles: outward unit normals, and distances from the origin, m."""
+    a, b, c = (hull.points[hull.triangles[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    return np.column_stack([normals, np.sum(normals * a, axis=1)])
 
 
 def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, float]:
@@ -240,10 +275,7 @@ def _form(shape: Shape) -> tuple[FloatArray, FloatArray, FloatArray, float, floa
         case Sphere():
             return np.empty((0, 4)), zero, zero, shape.radius, shape.radius
         case Hull():
-            a, b, c = (shape.points[shape.triangles[:, i]] for i in range(3))
-            normals = np.cross(b - a, c - a)
-            normals /= np.linalg.norm(normals, axis=1)[:, None]
-            planes = np.column_stack([normals, np.sum(normals * a, axis=1)])
+            planes = _faces(shape)
             _, once = np.unique(np.round(planes, 12), axis=0, return_index=True)
             low, high = shape.points.min(axis=0), shape.points.max(axis=0)
             centre = 0.5 * (low + high)

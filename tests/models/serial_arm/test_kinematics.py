@@ -193,3 +193,16 @@ def test_poses_of_very_many_states_are_those_of_each(arms, name, body):
         np.testing.assert_array_equal(getattr(many, column)[39_000:], getattr(few, column))
     for axis in ("ahead", "left", "up"):
         np.testing.assert_array_equal(columns(getattr(many, axis), 40_003)[39_000:], columns(getattr(few, axis), 1_003))
+
+
+@pytest.mark.parametrize("name", ["arm6", "crane"])
+def test_bodies_in_many_states_are_where_they_are_in_each(arms, name):
+    """Joints of both kinds: turning and sliding."""
+    model = arms(name)
+    states = drawn(model, np.random.default_rng(5), 300)
+    for number in (0, 7, 299):
+        for (shape, poses), (alone, pose) in zip(
+            model.bodies(states), model.bodies(states.take([number])), strict=True
+        ):
+            assert shape is alone
+            np.testing.assert_allclose(poses[number], pose[0], atol=1e-12)

@@ -156,6 +156,46 @@ def test_hulls_of_the_robot_block_rays_from_beside_them_as_first_hits_say(seed):
     assert 0.2 < found.mean() < 0.9
 
 
+@pytest.mark.parametrize("spread", [1e-4, 0.02, 0.2])
+def test_narrow_cones_of_rays_enter_boxes_and_hulls_as_their_half_spaces_say(spread):
+    """Each half-space of a body bounds the part of a line that is inside it (Cyrus and Beck 1978)."""
+    rng = np.random.default_rng(12)
+    shares = []
+    for _ in range(60):
+        points = rng.normal(size=(40, 3)) * rng.uniform(0.05, 0.5, 3)
+        half = rng.uniform(0.05, 0.5, 3)
+        corners = np.array(np.meshgrid(*np.stack([-half, half], axis=1))).reshape(3, 8).T
+        for shape, known in ((Hull(points), points), (Box(tuple(2 * half)), corners)):
+            equations = ConvexHull(known).equations
+            pose = np.eye(4)
+            pose[:3, :3] = Rotation.random(random_state=rng.integers(1 << 30)).as_matrix()
+            pose[:3, 3] = rng.uniform(-1, 1, 3)
+            origin = rng.uniform(-3, 3, 3)
+            ahead = pose[:3, 3] + rng.uniform(-0.15, 0.15, 3) - origin
+            directions = ahead / np.linalg.norm(ahead) + spread * rng.uniform(-1, 1, (37, 3))
+            directions /= np.linalg.norm(directions, axis=1)[:, None]
+            reach = rng.choice([1.0, 2.0, 6.0]) * np.ones(37)
+            here, turned = pose[:3, :3].T @ (origin - pose[:3, 3]), directions @ pose[:3, :3]
+            gap, slant = equations[:, :3] @ here + equations[:, 3], turned @ equations[:, :3].T
+            if gap.max() < 1e-3:
+                continue
+            with np.errstate(divide="ignore"):
+                cross = -gap / slant
+            low = np.where(slant < 0, cross, -np.inf).max(axis=1)
+            high = np.where(slant > 0, cross, np.inf).min(axis=1)
+            expected = np.mean((low <= high) & (low > 0) & (low < reach))
+            rays = directions[None], reach[None]
+            moving = Surfaces.of([Solid(shape, np.eye(4))])
+            found = Surfaces.of([]).blocked(moving, pose[None, None], origin[None], *rays)
+            fixed = Surfaces.of([Solid(shape, pose)]).blocked(
+                Surfaces.of([]), np.empty((0, 1, 4, 4)), origin[None], *rays
+            )
+            assert found[0] == fixed[0] == expected
+            shares.append(expected)
+    assert {0.0, 1.0} <= set(shares) or spread > 0.1
+    assert np.mean([0.0 < share < 1.0 for share in shares]) > 0.03 or spread < 0.01
+
+
 def test_what_contains_the_origin_is_left_and_not_entered():
     eye = np.eye(4)
     shell = Surfaces.of([Solid(Sphere(1.0), eye), Solid(Box((1.0, 1.0, 1.0)), np.array(eye + np.eye(4, k=3) * 3.0))])
