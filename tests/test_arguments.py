@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import hpop
+from hpop.base.arguments import checked_arguments
 from hpop.errors import HpopError
 from hpop.frontier.points import FrontError
 from hpop.study.statistics import bradley_terry
@@ -351,3 +352,18 @@ def test_a_size_that_nothing_needs_is_refused_by_name_before_memory_is_taken(rig
 def test_candidates_spread_over_more_than_there_are_are_all_of_them(right: Right) -> None:
     candidates = right.types["Candidates"]()
     assert len(candidates.spread(10**9).trajectories) == len(candidates.trajectories)
+
+
+def test_an_error_in_the_users_own_function_blames_no_argument():
+    """Its division by zero was said to come from an empty list or a huge number among the arguments."""
+
+    @checked_arguments
+    def applied(function: Callable[[float], float], values: list[float], most: float = 1.0) -> list[float]:
+        return [function(value) for value in values or [1 // int(most < 1.0)]]
+
+    own: dict[str, Any] = {}
+    exec(compile("def inverse(value): return 1.0 / value", "/home/user/own.py", "exec"), own)
+    with pytest.raises(ZeroDivisionError):
+        applied(own["inverse"], [0.0], math.inf)
+    with pytest.raises(ValueError, match="applied: values must be not empty"):
+        applied(own["inverse"], [])

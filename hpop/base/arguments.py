@@ -2,8 +2,8 @@
 
 An argument of a wrong type usually causes an error deep inside hpop, about an object that the caller never saw. If a
 call of a decorated function fails, its arguments are compared with the type hints. A TypeError or ValueError then says
-which argument is wrong, what was expected and what came. A call that succeeds costs one extra stack frame and is never
-rejected. Errors that hpop raises on purpose pass unchanged.
+which argument is wrong, what was expected and what came. A call that succeeds is never rejected. Errors that
+hpop raises on purpose pass unchanged.
 """
 
 from __future__ import annotations
@@ -13,12 +13,13 @@ import inspect
 import os
 import re
 import sys
+import sysconfig
 from collections.abc import Callable, Collection, Generator, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache, wraps
 from importlib import import_module
 from numbers import Integral, Real
 from pathlib import Path
-from traceback import extract_tb
+from traceback import extract_tb, walk_tb
 from types import FunctionType, NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, cast, get_args, get_origin
 
@@ -28,6 +29,8 @@ from hpop.base.text import article, call_fault, shown
 
 T = TypeVar("T", bound=Callable[..., Any])
 
+INSTALLED = [Path(__file__).parents[1], *(Path(sysconfig.get_path(name)) for name in ("stdlib", "purelib", "platlib"))]
+"""Folders of the code of hpop, of Python and of installed packages."""
 GUARDED = "_names_arguments"
 """Attribute that marks decorated functions, and errors that were raised by this module."""
 OF_EXTREMES = re.compile(
@@ -153,13 +156,14 @@ def _explain(
             arguments += [(name, each) for each in value]
         elif name not in ("self", "cls"):
             arguments.append((name, value))
-    message, ours = str(error), hasattr(error, GUARDED)
+    message, ours, is_users = str(error), hasattr(error, GUARDED), _is_of_user(error, function)
     cause = error.__cause__ if ours else error
     misfits = [(TypeError, name, value, misfit(value, hints.get(name, Any))) for name, value in arguments]
     extremes = [
         (ValueError, name, value, extreme(value))
         for name, value in arguments
-        if (name in needed or isinstance(value, Real | list | np.ndarray))
+        if not is_users
+        and (name in needed or isinstance(value, Real | list | np.ndarray))
         and (isinstance(error, OverflowError | MemoryError) or OF_EXTREMES.search(message))
     ]
     for raised, name, value, wrong in (*misfits, *extremes):
@@ -169,12 +173,12 @@ def _explain(
             if not ours and isinstance(error, TypeError | ValueError) and re.search(rf"\b{re.escape(name)}\b", message):
                 return
             raise _marked_as_named(raised(f"{title}: {name} must be {wrong}, got {shown(value)}")) from cause
+    if is_users:
+        return
     for name, value in arguments:
         if isinstance(value, str) and isinstance(error, LookupError | AttributeError) and repr(value) in message:
             raise _marked_as_named(ValueError(f"{title}: there is no {name} {shown(value)}")) from cause
-    numbers: list[tuple[str, Any]] = [
-        (name, value) for name, value in arguments if isinstance(value, int | float | np.number)
-    ]
+    numbers: list[tuple[str, Any]] = [each for each in arguments if isinstance(each[1], int | float | np.number)]
     for name, value in sorted(numbers, key=lambda item: -abs(item[1])):
         if value < 0 and "negative" in message:
             raise _marked_as_named(ValueError(f"{title}: {name} must not be negative, got {shown(value)}")) from cause
@@ -189,6 +193,13 @@ def _is_deliberate(error: Exception) -> bool:
     place = extract_tb(error.__traceback__)[-1]
     is_own = Path(place.filename).is_relative_to(Path(__file__).parents[1])
     return is_own and isinstance(error, TypeError | ValueError) and (place.line or "").startswith("raise ")
+
+
+def _is_of_user(error: Exception, function: Callable[..., Any]) -> bool:
+    """Return whether an error came through a function of the user, called by ``function``: of a file of its own."""
+    own = [*INSTALLED, Path(inspect.unwrap(function).__code__.co_filename)]
+    places = (Path(frame.f_code.co_filename) for frame, _ in walk_tb(error.__traceback__))
+    return any(place.is_absolute() and not any(map(place.is_relative_to, own)) for place in places)
 
 
 def _marked_as_named(error: Exception) -> Exception:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from functools import reduce
+from itertools import chain, count
 from operator import or_
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -261,6 +262,12 @@ def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
         )
 
 
+def _new_folder(folder: Path) -> Path:
+    """Return a folder, or the first of folder_2, folder_3, ... without a saved front if it holds one."""
+    numbered = (folder.with_name(f"{folder.name}_{number}") for number in count(2))
+    return next(each for each in chain([folder], numbered) if not (each / SAVED).exists())
+
+
 @click.command()
 @click.argument("folder", type=click.Path(path_type=Path))
 @rows_option("Paths")
@@ -276,7 +283,12 @@ def _with_further(problem: Problem, front: Front, also: Sequence[str]) -> Front:
     "--slowest", type=float, default=2.0, metavar="FACTOR", show_default=True, help="Largest duration over the least."
 )
 @click.option("--jerk", type=float, metavar="J", help="Largest jerk, m/s³, rad/s³; no limit if left out.")
-@click.option("--out", type=click.Path(path_type=Path), metavar="FOLDER", help="Folder to write. [FOLDER/retimed]")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Folder to write. [FOLDER/retimed, or retimed_2 and so on if that holds a front]",
+)
 @imports_option
 @user_errors
 def retime(
@@ -297,7 +309,7 @@ def retime(
     cli.user_code.register(imports)
     path, front = loaded(folder)
     problem, chosen = problem_of(path, front), problems.named_rows.named_rows(front, rows)
-    out = path.parent / "retimed" if out is None else out
+    out = _new_folder(path.parent / "retimed") if out is None else out
     results.check_writable(out)
     click.get_current_context().with_resource(results.held(out))
     fronts = []

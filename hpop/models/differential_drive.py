@@ -18,7 +18,7 @@ from hpop.base.options import LEAST, MOST, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
-from hpop.models.collision.parts import Part, convex_parts
+from hpop.models.collision.parts import Part, convex_parts, notes_on_seat
 from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat
@@ -266,6 +266,11 @@ class DifferentialDrive(PlanarModel):
     def wheel_acceleration(self) -> float:
         """Acceleration limit of each wheel, m/s²: just enough for straight moves and turns in place at their limits."""
         return max(self.acceleration, 0.5 * self.wheel_base * self.turn_acceleration)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Remark on a seat beside the footprint."""
+        return notes_on_seat(self.seat, self.body_parts)
 
     @cached_property
     def mounts(self) -> Mapping[str, Mount]:

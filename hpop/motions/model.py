@@ -47,6 +47,7 @@ class Model(Protocol):
     paces          speeds among which motions from rest to rest choose, from slow to fast, each as a mapping from kinds
                    of motion to the kinds of equal geometry that replace them; default (), one speed
     notes          sentences on assumptions about the robot, which are printed with every front; default ()
+    notes_on       method: takes the trajectories of a front, returns such sentences about them; default ()
     with_scene     method: takes a world, returns the robot with the objects that a planning scene attaches to its links
                    (``world.link_rules``); default: the robot as it is
     links          names of links, to which rules of a planning scene (``world.link_rules``) apply; default: none
@@ -183,6 +184,9 @@ class Model(Protocol):
         def notes(self) -> tuple[str, ...]:
             return ()
 
+        def notes_on(self, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
+            return ()
+
         def judge_by(self, library: str, world: World) -> Collision:
             return self.judge(world)
 
@@ -292,6 +296,7 @@ MODEL_DEFAULTS: dict[str, Any] = {
     "speed_classes": (),
     "paces": (),
     "notes": (),
+    "notes_on": lambda model, trajectories: (),
     "judge_by": _judge_by,
     "with_scene": lambda model, world: model,
     "links": frozenset(),

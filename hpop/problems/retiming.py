@@ -88,7 +88,7 @@ def _weighted_acceleration(problem: Problem, criterion: Criterion, path: _Path) 
         pauses.append(np.append(held, np.zeros(part.steps.size - 1)))
         held = 0.0
     grid = np.concatenate(steps), np.concatenate(first), np.concatenate(pauses)
-    return Discomfort(slopes=slopes, bends=bends, weighted=WeightedMotion(slopes, bends, *grid, W_F))
+    return Discomfort(slopes=slopes, bends=bends, weighted=WeightedMotion(slopes, bends, *grid, W_F, stays=held))
 
 
 def _largest_flow(problem: Problem, criterion: Criterion, path: _Path) -> Discomfort:
@@ -247,7 +247,8 @@ def retime(
     quanta = {name: quantum for name, quantum in problem.quanta.items() if name in names}
     asked = replace(problem, criteria=(make_criterion("duration"), criterion, *own), quanta=quanta)
     found = _swept(path, profiles, points, slowest)
-    if jerk is None and path.run.duration < found[0][0].duration * (1.0 - EXACT):  # its curves are not on the grid
+    faster = path.run.duration < found[0][0].duration * (1.0 - EXACT)  # its curves are not on the grid
+    if jerk is None and faster and not any(True for _ in problem.model.faults(path.run)):
         found.insert(0, (path.run, float(trajectory_costs([criterion], [path.run], problem.world)[0, 0])))
     free = np.ones(len(found), bool) if path.is_straight else collision_free(asked, [t for t, _ in found])
     kept = [one for one, is_free in zip(found, free.tolist(), strict=True) if is_free]

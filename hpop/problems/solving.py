@@ -225,6 +225,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         *candidates.notes,
         *_empty_groups(problem.criteria),
         *problem.model.notes,
+        *problem.model.notes_on(trajectories),
         *problem.notes,
         *notes_on_goals(problem),
         *notes_on_targets(problem.world, problem.model, problem.target, trajectories),

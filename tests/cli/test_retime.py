@@ -28,6 +28,16 @@ def test_it_writes_the_front_that_python_returns(run: Run, folder: Path, no_pict
     assert "verified" in again.output
 
 
+def test_a_second_call_keeps_the_front_of_the_first(run: Run, folder: Path, no_pictures) -> None:
+    run("retime", folder, "--rows", "0", "--points", "2")
+    first = (folder / "retimed/front.json").read_bytes()
+    result = run("retime", folder, "--rows", "0", "--points", "3")
+    assert result.exit_code == 0, result.output
+    assert "retimed_2" in result.output
+    assert (folder / "retimed/front.json").read_bytes() == first
+    assert len(Front.load(folder / "retimed_2/front.json")) == 3
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

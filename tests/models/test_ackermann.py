@@ -241,6 +241,7 @@ def test_a_clothoid_too_sharp_for_the_steering_rate_is_a_fault():
     ("options", "said"),
     [
         ({"steering": 1.6}, "steering must be"),
+        ({"steering": 34}, "34 degrees are 0.593 rad, in a scenario '34 deg'"),
         ({"wheelbase": 0}, "wheelbase must be"),
         ({"reverse_speed": 3.0}, "reverse_speed must be"),
         ({"steering_rate": 0}, "steering_rate must be"),
@@ -316,3 +317,30 @@ def test_a_car_steers_while_it_waits_and_no_faster(pause):
     executed = hpop.Trajectory(car, states, ("arc", "hold", "arc")).execution()
     driving, straight, across = 2.0 * 2.0, car.steering / 0.8, 2.0 * car.steering / 0.8
     assert executed.duration == pytest.approx(driving + straight + max(pause, across))
+
+
+def test_a_motion_of_length_0_hides_no_reversal():
+    """Forwards 1 m, a motion without a length, 1 m back: two runs from rest to rest."""
+    states = poses((0, 0, 0), (1, 0, 0), (1, 0, 0), (0, 0, 0))
+    car = hpop.Ackermann(speed=1.0, reverse_speed=0.5, acceleration=1.0)
+    executed = hpop.Trajectory(car, states, ("arc",) * 3).execution()
+    assert executed.duration == pytest.approx(2.0 + (1.0 / 0.5 + 0.5))  # the second one cruises at 0.5 m/s
+    assert not list(car.faults(executed))
+
+
+@pytest.mark.parametrize("robot", [hpop.Ackermann, hpop.DifferentialDrive])
+@pytest.mark.parametrize(("seat", "noted"), [((0.1, 0.1, 0.5), False), ((0.1, 1.5, 0.5), True)])
+def test_a_seat_beside_the_footprint_is_remarked_on(robot, seat, noted):
+    assert any("outside the robot's footprint" in note for note in robot(seat=seat).notes) == noted
+
+
+def test_a_front_is_said_to_leave_out_stops_only_if_a_plan_reverses():
+    world = hpop.World.from_polygons([], extent=shapely.box(-8, -8, 8, 8))
+    car = hpop.Ackermann(seat=(0.4, 0.0, 0.6))
+    fronts = {}
+    for name, goal in (("ahead", (3.0, 0.0, 0.0)), ("back", (-1.0, 1.0, 0.0))):
+        problem = hpop.Problem(world, car, (0, 0, 0), goal, ["duration"])
+        fronts[name] = problem.solve({"exact": {"on": "primitives"}})
+    fronts["retimed"] = hpop.retime(problem, fronts["back"][0].trajectory, points=1)
+    said = {name: any("leave out stops" in note for note in front.notes) for name, front in fronts.items()}
+    assert said == {"ahead": False, "back": True, "retimed": False}

@@ -201,6 +201,44 @@ def test_the_dose_of_a_program_is_that_of_the_trajectory_pauses_included():
     assert (np.diff(front.costs[:, 1]) < 0).all()
 
 
+@pytest.mark.parametrize("pause", [0.0, 0.5, 6.0])
+def test_a_pause_at_the_end_of_a_ride_counts_in_the_dose(pause):
+    """The filter rings on while the robot stands; 6 s of it added half of the dose, which the program did not see."""
+    ends = [(0, 0, 0), (4, 0, 0)]
+    path = hpop.Trajectory.from_poses(ROBOT, ends)
+    columns = {
+        name: np.append(getattr(path.states, name), getattr(path.states, name)[-1]) for name in ("x", "y", "yaw")
+    }
+    clock = np.append(np.zeros(path.states.size), pause)
+    path = hpop.Trajectory(ROBOT, States(**columns, clock=clock), (*path.kinds, "hold"))
+    front = hpop.retime(problem_of(path), path, discomfort="felt_msdv", points=2)
+    assert "NOT VALID" not in front.certificate
+    assert front.costs[0, 0] == pytest.approx(4.0 + pause, rel=1e-6)
+
+
+@pytest.mark.parametrize("rate", [0.25, 0.8])
+def test_a_car_steers_within_its_rate_also_between_the_positions_of_the_grid(rate):
+    """The steering angle is followed by differences over 20,000 instants, by the bicycle's formula alone."""
+    car = hpop.Ackermann(seat=(0.4, 0.0, 0.6), speed=2.0, steering_rate=rate)
+    knots, yaw, bend = [(0.0, 0.0, 0.0)], 0.0, 0.0
+    for after in (0.5, 0.0, -0.5, 0.0):  # 1/m, after each 1.5 m
+        share = (np.arange(2000) + 0.5) / 2000
+        heading = yaw + 1.5 * share * (bend + 0.5 * (after - bend) * share)
+        yaw, bend = yaw + 0.75 * (bend + after), after
+        knots.append((knots[-1][0] + 1.5 * np.cos(heading).mean(), knots[-1][1] + 1.5 * np.sin(heading).mean(), yaw))
+    columns = dict(zip(("x", "y", "yaw"), np.array(knots).T, strict=True))
+    path = hpop.Trajectory(car, States(**columns), ("clothoid",) * 4)
+    ride = hpop.retime(problem_of(path), path, points=1)[0].trajectory
+    times = np.linspace(0.0, ride.duration, 20_001)[1:-1]
+    states, (rates, _) = ride.at(times), ride.rates(times)
+    speed = rates.x * np.cos(states.yaw) + rates.y * np.sin(states.yaw)
+    angle = np.arctan(car.wheelbase * rates.yaw / speed)
+    steering = np.abs(np.diff(angle)) / np.diff(times)
+    assert steering.max() <= rate * (1.0 + 1e-4)
+    if rate < 0.5:
+        assert steering.max() > 0.5 * rate  # it is what limits the speed
+
+
 def car_ride(*poses, **options):
     """Return the shortest ride of a car through poses."""
     car = hpop.Ackermann(seat=(0.4, 0.0, 0.6), speed=2.0, steering_rate=0.8, **options)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -13,6 +13,7 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import LEAST, MOST, Angle, set_reals
+from hpop.base.text import is_number, shown
 from hpop.errors import ModelError
 from hpop.models.ackermann.laws import (
     ArcRamp,
@@ -25,7 +26,7 @@ from hpop.models.ackermann.laws import (
 from hpop.models.ackermann.words import MOST as LETTERS
 from hpop.models.ackermann.words import Word, composed, dubins, reeds_shepp
 from hpop.models.base import PlanarModel, model, plane_space
-from hpop.models.collision.parts import Part, convex_parts
+from hpop.models.collision.parts import Part, convex_parts, notes_on_seat
 from hpop.models.differential_drive import LONGEST, SLOWEST, checked_footprint, checked_offset
 from hpop.models.ramps import doubtful_ramps, ramp_faults
 from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat
@@ -86,6 +87,11 @@ class Ackermann(PlanarModel):
         lengths, rates = ("wheelbase", "body_height", "camera_height"), ("speed", "acceleration")
         set_reals(self, *lengths, least=LEAST, most=LONGEST, kind="a positive length in m", error=ModelError)
         set_reals(self, *rates, least=SLOWEST, most=MOST, kind="a positive number", error=ModelError)
+        if is_number(self.steering) and STEEPEST < self.steering < 90:
+            raise ModelError(
+                f"steering must be an angle in rad up to {STEEPEST}, got {shown(self.steering)}; {self.steering:g} "
+                f"degrees are {math.radians(self.steering):.3g} rad, in a scenario '{self.steering:g} deg'"
+            )
         set_reals(self, "steering", least=SLOWEST, most=STEEPEST, kind="an angle in rad", error=ModelError)
         set_reals(
             self, "reverse_speed", least=0.0, most=self.speed, kind="a speed in m/s up to speed", error=ModelError
@@ -111,9 +117,18 @@ class Ackermann(PlanarModel):
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remark on what plans leave out; none for a base that only goes forwards."""
+        """Remark on a seat beside the footprint."""
+        return notes_on_seat(self.seat, self.parts)
+
+    def notes_on(self, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
+        """Return a remark on what planned durations leave out, if a plan reverses."""
         note = "planned durations leave out stops where a car reverses its direction; its execution has them"
-        return (note,) if self.reverse_speed else ()
+        return (note,) if any(self._reverses(each) for each in trajectories) else ()
+
+    def _reverses(self, planned: Trajectory) -> bool:
+        """Return whether a plan, which is not an execution, goes both forwards and backwards."""
+        lengths = _lengths(self, planned)
+        return not {*planned.kinds} & {*self.executed.values()} and lengths.min() < 0 < lengths.max()
 
     @cached_property
     def space(self) -> StateSpace:
@@ -330,12 +345,13 @@ def _run_end(
 
     A run ends before a hold, a reversal, and a jump of the steering angle. A hold is a run of its own.
     """
-    last = first + 1
+    last, way = first + 1, lengths[first]  # the last length other than 0
     if planned.kinds[first] == HOLD.kind:
         return last
     while last < len(planned) and planned.kinds[last] != HOLD.kind:
-        if lengths[last] * lengths[last - 1] < 0:
+        if lengths[last] * way < 0:
             break
+        way = lengths[last] or way
         if robot.steering_rate is not None and abs(angles[0][last] - angles[1][last - 1]) > JUMP:
             break
         last += 1

@@ -50,6 +50,11 @@ class Part:
             return float(shapely.distance(shapely.boundary(outline), axis)) + self.radius
         return max(0.0, self.radius - float(shapely.distance(outline, axis)))
 
+    def covers(self, x: float, y: float) -> bool:
+        """Return whether a point (x ahead, y left), m, is within the part's outline, seen from above."""
+        outline = shapely.convex_hull(shapely.MultiPoint(self.corners))
+        return bool(shapely.distance(outline, shapely.Point(x, y)) <= self.radius + 1e-9)
+
     @property
     def on_axis(self) -> bool:
         """True for a disc centred on the axis of the base: a turn in place does not change the area that it covers."""
@@ -105,3 +110,13 @@ def convex_parts(outline: tuple[tuple[float, float], ...], z_min: float, z_max: 
     pieces = [hull] if convex else shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
     rings = [shapely.get_coordinates(piece)[:-1].tolist() for piece in pieces]
     return tuple(Part(tuple((x, y) for x, y in ring), 0.0, z_min, z_max) for ring in rings)
+
+
+def notes_on_seat(seat: tuple[float, float, float] | None, parts: Iterable[Part]) -> tuple[str, ...]:
+    """Return a remark on a seat (ahead, left, height), m, outside the robot's parts, seen from above; else none."""
+    if seat is None or any(part.covers(*seat[:2]) for part in parts):
+        return ()
+    return (
+        f"the seat, {seat[0]:g} m ahead and {seat[1]:g} m to the left of the axis, is outside the robot's footprint, "
+        "so that collisions of the passenger are not tested; move the seat, or widen the footprint",
+    )

@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 
 REACH = 6.0  # steps: distance within which lattice states are linked to a goal
 MOST_STATES = 4_000_000
+COARSE = 1.5  # times the smallest step: longer steps are remarked on
 ROOM = 1e-6  # m beside a primitive in open space, more than any rounding
 
 
@@ -272,7 +273,9 @@ class PrimitivesGraph(GraphFamily):
     def build(self, problem: Problem, objectives: Objectives, spending: Spending) -> BuiltGraph:
         """Build the lattice with the problem's start and goals."""
         lattice = self.lattice(problem, spending)
-        return BuiltGraph(Ends(lattice, lattice.start, lattice.goals), problem)
+        return BuiltGraph(
+            Ends(lattice, lattice.start, lattice.goals), problem, _notes(lattice.step, cast(Ackermann, problem.model))
+        )
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> PrimitiveLattice:
         """Return the lattice of a problem; raise QueryError if the start or every goal is blocked."""
@@ -339,6 +342,18 @@ class PrimitivesGraph(GraphFamily):
         own: BoolArray = (cells == (0, 0, heading)).all(axis=1)
         rows = np.flatnonzero(free & ~own)
         return np.concatenate([[[0, 0, heading]], cells[rows]]), states.take(rows)
+
+
+def _notes(step: float, car: Ackermann) -> tuple[str, ...]:
+    """Return a remark on a step that is much longer than the car needs; otherwise none."""
+    known = primitives()
+    least = known.least_step(car)
+    if step < COARSE * least:
+        return ()
+    return (
+        f"with a step of {step:.3g} m the primitives turn on radii of {step / known.curvature:.3g} m or more, and the "
+        f"car can turn on {car.radius:.3g} m: tight manoeuvres may be missing; leave out the step for {least:.3g} m",
+    )
 
 
 def _links(cells: IntArray, *, reverses: bool) -> IntArray:

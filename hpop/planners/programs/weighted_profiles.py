@@ -75,6 +75,7 @@ class WeightedMotion:
     first      (N,)    number of the grid position at which each interval begins; the next one is its end
     pauses     (N,)    s, for which the robot stands before each interval
     weighting          filter of the acceleration
+    stays              s, for which the robot stands after the last interval
     """
 
     slopes: FloatArray
@@ -83,6 +84,7 @@ class WeightedMotion:
     first: IntArray
     pauses: FloatArray
     weighting: Weighting
+    stays: float = 0.0
 
     @cached_property
     def filter(self) -> FilterMatrices:
@@ -99,6 +101,11 @@ class WeightedMotion:
     def responses(self) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Response of the filter to each pause, by the number of the interval after it."""
         return {k: self.filter.response(float(self.pauses[k])) for k in np.flatnonzero(self.pauses).tolist()}
+
+    @cached_property
+    def ringing(self) -> FloatArray:
+        """Matrix Q (n, n): x Q x is the integral of y² after the last interval, from the state x at its end."""
+        return self.filter.response(self.stays)[1]
 
     def inputs(self, v0: Any, v1: Any, direction: int) -> Any:
         """Return the acceleration (N,), m/s², in one direction in each interval, from the speeds at its ends."""
@@ -130,6 +137,7 @@ class WeightedMotion:
                 x[:, k + 1] = before[k] @ start + gain[k] * u[k]
                 y = self.outputs(start, x[:, k + 1], float(lasts[k, 0, 0]), float(u[k]))
                 total += float(lasts[k, 0, 0]) * y
+            total += float(x[:, -1] @ self.ringing @ x[:, -1])
             every.append(x)
         return every, total
 
@@ -192,6 +200,7 @@ class WeightedProgram:
             change = 0.5 * row * (a @ (later + start)) - row**2 * (squared @ (later - start))
             equal.append(casadi.vec(later - start - change - row * (b @ u)))
             integral += casadi.dot(lasts, m.outputs(start, later, lasts, u))
+            integral += casadi.bilin(casadi.DM(m.ringing), later[:, -1])
             variables.append(casadi.vec(later))
         uneven = casadi.diff((v1**2 - v0**2) / casadi.DM(2.0 * m.steps))[np.flatnonzero(np.diff(m.first) == 1).tolist()]
         weight = casadi.SX.sym("evenness")

@@ -245,3 +245,12 @@ def test_the_car_of_the_example_parks_within_its_limits():
     for trajectory in found.trajectories:
         assert not list(problem.model.faults(trajectory))
         assert not list(problem.model.faults(trajectory.execution()))
+
+
+@pytest.mark.parametrize(("step", "noted"), [(None, False), (3.5, True)])
+def test_a_step_far_beyond_the_smallest_is_remarked_on(step, noted):
+    world = hpop.World.from_polygons([], extent=shapely.box(-8, -8, 8, 8))
+    front = hpop.Problem(world, hpop.Ackermann(), (0, 0, 0), (3.5, 0, 0), ["length"]).solve(
+        {"exact": {"on": {"primitives": {"step": step}}}}
+    )
+    assert any("tight manoeuvres may be missing" in note for note in front.notes) == noted
