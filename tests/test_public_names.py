@@ -280,7 +280,7 @@ hpop.base.arrays.Column
 hpop.base.math
 hpop.base.math.hypot
 hpop.base.math.smooth_abs
-hpop.base.options
+hpop.base.randomness
 hpop.base.options
 hpop.base.registry
 hpop.base.registry.GROUPS

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.base.options import seed_of
+from hpop.base.randomness import seed_of
 from hpop.errors import OptionError, ScenarioError
 from hpop.planners.graph_planners import Roadmap
 from hpop.planners.rrt import RRT

@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.child import ChildAnswer, ChildRefused
-from hpop.apart.lines import counts_text
+from hpop.apart.child import ChildAnswer, ChildRefused, counts_text
 
 GRID = "nav_msgs/msg/OccupancyGrid"
 USUAL = "/map"

@@ -7,8 +7,7 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from hpop.apart.child import ChildAnswer, ChildRefused
-from hpop.apart.lines import FARTHEST, HIDDEN, MOST_DEEP, SAG, Lines
+from hpop.apart.child import FARTHEST, HIDDEN, MOST_DEEP, SAG, ChildAnswer, ChildRefused, Lines
 
 CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "ARC", "CIRCLE", "ELLIPSE", "SPLINE", "HELIX")
 FILLED = ("SOLID", "TRACE")

@@ -15,8 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from hpop.apart.child import ChildAnswer, ChildRefused
-from hpop.apart.lines import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, Lines, Visible
+from hpop.apart.child import FARTHEST, MOST_DEEP, MOST_POINTS, SAG, ChildAnswer, ChildRefused, Lines, Visible
 
 STREAM = re.compile(rb"stream\r?\n.*?endstream", re.DOTALL)
 OBJECT = re.compile(rb"\b(\d{1,10}) \d{1,5} obj\b(.*?)\bendobj", re.DOTALL)

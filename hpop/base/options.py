@@ -1,10 +1,7 @@
-"""Checks of options that users set, and random seeds.
+"""Checks of options that users set: numbers within bounds, choices, paths.
 
 The bounds are wide and exclude only values that no robot and no building has. No value within them overflows, divides
 by zero or makes a computation endless.
-
-All random draws of a run follow from one seed. Certificates, provenance and saved fronts record it, so results can be
-reproduced whatever ``rng`` was. Scenario files give the ``seed`` itself.
 """
 
 from __future__ import annotations
@@ -14,10 +11,7 @@ import re
 from collections.abc import Iterable, Mapping
 from math import nan, radians
 from numbers import Integral
-from types import EllipsisType
-from typing import Annotated, Any, TypeAlias, TypeVar
-
-import numpy as np
+from typing import Annotated, Any, TypeVar
 
 from hpop.base.text import is_number, is_whole, python_value, shown
 from hpop.errors import HpopError, OptionError, did_you_mean
@@ -234,35 +228,3 @@ def _bounds_text(least: float, most: float, beyond: bool) -> str:
 def _bound_text(bound: float) -> str:
     """Return one bound as text: 1000000.0 as "1,000,000"."""
     return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"
-
-
-Source: TypeAlias = np.random.Generator | np.random.BitGenerator | np.random.SeedSequence
-RNG: TypeAlias = int | Source | None
-"""A seed; a source of random numbers, from which a seed is drawn; or None for a fresh seed."""
-MaybeRNG: TypeAlias = RNG | EllipsisType
-
-
-def seed_of(rng: RNG) -> int:
-    """Return a seed: ``rng`` if it is a whole number, a draw from it if it is a Generator, a fresh seed for None.
-
-    Drawing advances a Generator, so two calls with one Generator return different seeds. Raises OptionError for other
-    values.
-
-    >>> seed_of(7), seed_of(None) == seed_of(None)
-    (7, False)
-    >>> seed_of(np.random.default_rng(7)) == seed_of(np.random.default_rng(7))
-    True
-    """
-    if rng is None or isinstance(rng, Source):
-        return int(np.random.default_rng(rng).integers(MOST_SEED))
-    hint = "or a numpy.random.Generator, or None for fresh random numbers"
-    return whole("rng", rng, 0, MOST_SEED, "a seed", hint=hint)
-
-
-def set_seed(owner: Any, rng: MaybeRNG) -> None:
-    """Set the ``seed`` of a frozen dataclass from an argument ``rng``, unless that is ``...``, and check the seed."""
-    if not isinstance(rng, EllipsisType):
-        if owner.seed != type(owner).seed:
-            raise OptionError(f"give either rng or seed, got rng={shown(rng)} and seed={shown(owner.seed)}")
-        object.__setattr__(owner, "seed", seed_of(rng))
-    set_wholes(owner, "seed", least=0, most=MOST_SEED)

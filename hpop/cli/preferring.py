@@ -186,7 +186,7 @@ def _person(front: Front, file: Path, question: str, seed: int | None) -> Prefer
 
     Raises StudyError if the file has answers to another question, or another seed.
     """
-    from hpop.base.options import seed_of
+    from hpop.base.randomness import seed_of
 
     if not file.exists():
         if not file.parent.is_dir():

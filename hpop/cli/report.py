@@ -25,7 +25,7 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.frontier import hypervolume, representative
 from hpop.frontier.choices import Preferring
 from hpop.frontier.choosing import differing
-from hpop.frontier.union import JOINT
+from hpop.frontier.points import JOINT
 from hpop.motions.laws import SPEED
 from hpop.planners.objectives import integral_of
 from hpop.problems.evaluation import criteria_of

@@ -22,11 +22,10 @@ from hpop.drive.closings import Closing, refuse_covered
 from hpop.drive.moment import DriveProgress, Moment, past
 from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanComparison, same_side
 from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
-from hpop.drive.remaining_front import front_of_rest
 from hpop.drive.replanning import Replanner, ReplanResult
 from hpop.drive.storage import Change, StopLog, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
-from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, wished
+from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, front_of_rest, wished
 from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions.states import StateSpec

@@ -16,9 +16,8 @@ from hpop.base.files import replacing
 from hpop.base.registry import formats as registered
 from hpop.base.text import shown
 from hpop.errors import OptionError, OutputError, OwnCodeError, UnknownName
-from hpop.export.base import PROGRAM, Content, Exported, Format, Frames, default_rate
+from hpop.export.base import PROGRAM, Content, Exported, Format, Frames, Jerk, default_rate
 from hpop.frontier import strict_json
-from hpop.models.serial_arm.jerk import Jerk
 from hpop.problems.front import Front
 from hpop.problems.named_rows import NamedRow, named_rows, stop_visits
 from hpop.trajectories.trajectory import Trajectory

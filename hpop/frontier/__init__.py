@@ -18,8 +18,16 @@ from hpop.base.lazy import on_first_use
 from hpop.frontier.choosing import knee
 from hpop.frontier.dominance import default_quanta, dominates, filter, is_nondominated, quantised
 from hpop.frontier.front import ItemFront
-from hpop.frontier.points import FrontError, FrontFileError, ItemPoint, UnknownColumnError
-from hpop.frontier.union import additive_epsilon, default_reference, hypervolume, representative
+from hpop.frontier.points import (
+    FrontError,
+    FrontFileError,
+    ItemPoint,
+    UnknownColumnError,
+    additive_epsilon,
+    default_reference,
+    hypervolume,
+    representative,
+)
 
 __all__ = [
     "FrontError",

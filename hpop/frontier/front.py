@@ -15,7 +15,7 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.lazy import on_first_use
 from hpop.base.status import Status
 from hpop.base.text import printable, shown
-from hpop.frontier import choices, storage, union
+from hpop.frontier import choices, points, storage
 from hpop.frontier.choices import Choices
 from hpop.frontier.dominance import (
     BoolArray,
@@ -26,8 +26,18 @@ from hpop.frontier.dominance import (
     is_nondominated,
     quantised,
 )
-from hpop.frontier.points import FrontError, FrontFileError, ItemPoint, as_json, floats, minimised, names_of, origins
-from hpop.frontier.union import SHARE, representative
+from hpop.frontier.points import (
+    SHARE,
+    FrontError,
+    FrontFileError,
+    ItemPoint,
+    as_json,
+    floats,
+    minimised,
+    names_of,
+    origins,
+    representative,
+)
 
 if TYPE_CHECKING:
     import pandas
@@ -108,7 +118,7 @@ class ItemFront(Choices[T], Generic[T]):
                 "status (how the search ended) and certificate (what is proved) must not be empty, got "
                 f"{self.status!r} and {self.certificate!r}; give both"
             )
-        if not set(self.status.split(union.JOINT)) <= set(Status):  # a union of fronts has the statuses of both
+        if not set(self.status.split(points.JOINT)) <= set(Status):  # a union of fronts has the statuses of both
             known = ", ".join(Status)
             raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
@@ -316,7 +326,7 @@ class ItemFront(Choices[T], Generic[T]):
             items=tuple(self.items[row] for row in rows),
             reported=self.reported[rows],
             provenance=tuple(self.provenance[row] for row in rows),
-            certificate=union.each_claim(self.certificate, f"selected from {len(self):,} points by {by}: {{}}"),
+            certificate=points.each_claim(self.certificate, f"selected from {len(self):,} points by {by}: {{}}"),
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
@@ -336,11 +346,11 @@ class ItemFront(Choices[T], Generic[T]):
         return self.problem
 
     def __or__(self, other: Self) -> Self:
-        """Return the union of two fronts of one problem: their non-dominated points (:func:`hpop.frontier.union.join`).
+        """Return the union of two fronts of one problem, their non-dominated points (:func:`.points.join`).
 
         Raises FrontError if their criteria, units, groups, quanta, reported values or problems differ.
         """
-        return union.join(self, other) if isinstance(other, ItemFront) else NotImplemented
+        return points.join(self, other) if isinstance(other, ItemFront) else NotImplemented
 
     def save(
         self,

@@ -15,7 +15,8 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray
-from hpop.base.options import RNG, whole
+from hpop.base.options import whole
+from hpop.base.randomness import RNG
 from hpop.base.registry import goals, plugin_from_spec, with_optional_members
 from hpop.base.text import python_value, shown
 from hpop.errors import HpopWarning, QueryError

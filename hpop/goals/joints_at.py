@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.base.options import MOST, RNG, Angle, real
+from hpop.base.options import MOST, Angle, real
+from hpop.base.randomness import RNG
 from hpop.base.text import shown
 from hpop.errors import QueryError, did_you_mean
 from hpop.goals.base import REACHED, GoalDefaults, checked_count, goal

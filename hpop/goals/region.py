@@ -25,7 +25,8 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.math import not_radians, wrap
-from hpop.base.options import FARTHEST, MOST, RNG, real
+from hpop.base.options import FARTHEST, MOST, real
+from hpop.base.randomness import RNG
 from hpop.base.text import shown
 from hpop.errors import QueryError
 from hpop.goals.base import REACHED, GoalDefaults, checked_count

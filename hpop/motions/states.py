@@ -16,7 +16,8 @@ import numpy as np
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column, IntArray
 from hpop.base.math import not_radians, wrap
-from hpop.base.options import MOST, RNG, real, whole
+from hpop.base.options import MOST, real, whole
+from hpop.base.randomness import RNG
 from hpop.base.text import article, shown
 from hpop.errors import ModelError, QueryError, did_you_mean
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
-from hpop.base.options import MaybeRNG
+from hpop.base.randomness import MaybeRNG
 from hpop.base.text import set_python_values, shown
 from hpop.criteria.base import Criterion
 from hpop.errors import OptionError, UnsupportedCriterion

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.base.options import MaybeRNG, one_of, set_seed, set_wholes
+from hpop.base.options import one_of, set_wholes
+from hpop.base.randomness import MaybeRNG, set_seed
 from hpop.base.text import set_python_values
 from hpop.criteria.base import Criterion, make_criterion
 from hpop.criteria.costs import trajectory_costs

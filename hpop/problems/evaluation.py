@@ -13,8 +13,8 @@ from hpop.base.text import shown
 from hpop.criteria.base import Criterion, CriterionSpec, check_usable, describe_criterion, make_criterion
 from hpop.criteria.costs import motion_costs, running_costs, running_values, trajectory_costs
 from hpop.errors import CriterionError, QueryError
+from hpop.frontier.points import each_claim
 from hpop.frontier.strict_json import plain
-from hpop.frontier.union import each_claim
 from hpop.motions import Motions, States, laws_of
 from hpop.planners.objectives import edge_objectives
 from hpop.problems.front import Front, question_of

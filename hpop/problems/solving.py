@@ -21,7 +21,7 @@ from hpop.criteria.costs import quanta_statement, trajectory_costs
 from hpop.criteria.visits import all_visits, hidden_targets, missed_weights
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
 from hpop.frontier.dominance import MAX_QUANTA
-from hpop.frontier.union import JOINT
+from hpop.frontier.points import JOINT
 from hpop.goals import Goal, GoalSet
 from hpop.motions import Model, States
 from hpop.planners.base import Candidates, Planner, PlannerSpec, joined, make_planner, stages_of

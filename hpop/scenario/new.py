@@ -19,8 +19,7 @@ from hpop.base.options import Degrees
 from hpop.base.registry import make_model, readers
 from hpop.base.text import argument, shown
 from hpop.errors import NOTE, MapError, OptionError, QueryError, meant_file
-from hpop.planners.needs import elsewhere
-from hpop.planners.programs.free_map import FreeMap
+from hpop.planners.needs import FreeMap, elsewhere
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import Status, no_path_note
 from hpop.scenario.json_schema import LINE

@@ -11,7 +11,7 @@ from typing import Any
 
 from hpop.base import registry
 from hpop.base.arguments import checked_arguments
-from hpop.base.options import RNG
+from hpop.base.randomness import RNG
 from hpop.criteria.base import Criterion
 from hpop.motions import Model
 from hpop.testing.contracts import Check

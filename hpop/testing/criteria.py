@@ -12,7 +12,7 @@ import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import Column, FloatArray, IntArray
-from hpop.base.options import RNG, seed_of
+from hpop.base.randomness import RNG, seed_of
 from hpop.base.registry import make_model, with_optional_members
 from hpop.base.text import shown
 from hpop.criteria.base import CRITERION_DEFAULTS, Criterion

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arguments import checked_arguments
-from hpop.base.options import RNG, seed_of
+from hpop.base.randomness import RNG, seed_of
 from hpop.base.registry import make_model, models
 from hpop.base.text import shown
 from hpop.criteria.base import make_criterion

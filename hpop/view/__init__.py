@@ -17,14 +17,13 @@ matplotlib_folder.forget_current_folder()
 
 from hpop.view import save
 from hpop.view.arm_page import save_arm_page
-from hpop.view.explorer.save import save_explorer, widget
 from hpop.view.front_plot import draw_batch, draw_front, draw_preference
 from hpop.view.map import draw_map
 from hpop.view.moments import draw_drive, draw_encounters
 from hpop.view.ride.equirect import render_360, save_360
 from hpop.view.ride.page import save_ride
 from hpop.view.ride.video import save_frames, save_video
-from hpop.view.save import save_pictures
+from hpop.view.save import save_explorer, save_pictures, widget
 from hpop.view.side import draw_side
 from hpop.view.trace import draw_states, draw_trace
 from hpop.view.where import draw_where

@@ -15,8 +15,7 @@ from matplotlib.patches import Patch
 
 from hpop.motions import States
 from hpop.planners.graphs.tour_stops import reasons_not_visited
-from hpop.planners.needs import elsewhere, nearest_free
-from hpop.planners.programs.free_map import FreeMap
+from hpop.planners.needs import FreeMap, elsewhere, nearest_free
 from hpop.problems.problem import Problem
 from hpop.view.content import draw_content
 from hpop.view.ground import View, view_of

@@ -19,7 +19,7 @@ from matplotlib.transforms import Bbox
 
 from hpop.base.text import printable, shown
 from hpop.errors import OptionError
-from hpop.frontier.union import JOINT
+from hpop.frontier.points import JOINT
 from hpop.problems.front import Front
 from hpop.runtime.limits import Status
 from hpop.view.ground import View

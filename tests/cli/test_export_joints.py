@@ -13,7 +13,7 @@ from click.testing import Result
 import hpop
 from hpop.errors import UnknownName
 from hpop.export import save
-from hpop.models.serial_arm.jerk import jerk_limited
+from hpop.export.base import jerk_limited
 from hpop.problems.front import Front
 from hpop.problems.verify import verify
 from hpop.world import Box, Solid, pose_at

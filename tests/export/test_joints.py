@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from hpop.base.registry import formats
 from hpop.errors import OptionError
 from hpop.export import write
-from hpop.models.serial_arm.jerk import jerk_limited
+from hpop.export.base import jerk_limited
 from tests.export.given import robots, through
 from tests.export.readers import OF_JOINTS
 from tests.models.serial_arm.arms import HERE, crane

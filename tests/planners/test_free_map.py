@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.programs.free_map import FreeMap
+from hpop.planners.needs import FreeMap
 
 ARM = Path(__file__).parents[2] / "examples" / "arm" / "arm6.urdf"
 ROBOT = hpop.DifferentialDrive(radius=0.25)

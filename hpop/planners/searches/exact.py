@@ -210,7 +210,7 @@ class ExactSearch:
         in_stages: bool,
     ) -> Iterator[Candidates]:
         """Yield the results for a world in which people move; each graph is searched on a clock."""
-        from hpop.planners.searches.among_people import answers_among_people  # on first use: start-up time
+        from hpop.planners.searches.mean import answers_among_people  # on first use: start-up time
 
         spending.report("graph")
         for candidates, built in answers_among_people(self, problem, objectives, graphs, in_stages=in_stages):

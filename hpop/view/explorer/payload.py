@@ -25,7 +25,7 @@ from hpop.base.text import printable
 from hpop.criteria.base import Criterion
 from hpop.errors import MapError
 from hpop.frontier.choices import Preferring
-from hpop.frontier.union import JOINT
+from hpop.frontier.points import JOINT
 from hpop.problems.front import Front
 from hpop.problems.named_rows import stop_visits, visit_order
 from hpop.problems.problem import Problem

@@ -15,8 +15,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from hpop.apart.child import ChildAnswer
-from hpop.apart.lines import counts_text
+from hpop.apart.child import ChildAnswer, counts_text
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.options import one_of, whole
 from hpop.base.text import shown
@@ -92,7 +91,7 @@ def build(
 
     found      arrays: ``points`` (n, 2) of all lines; ``starts`` (m + 1,), the index of the first point of each line;
                ``layer``, ``width`` and ``area`` (m,) of each line. Lines with an equal area number above 0 bound a
-               filled area. Points and widths are in units of the drawing; ``words``: see `hpop.apart.lines`
+               filled area. Points and widths are in units of the drawing; ``words``: see `hpop.apart.child`
     placement  conversion from the units of the drawing to metres
     nothing    text for the error about a drawing without lines
     """

@@ -17,7 +17,7 @@ import hpop
 from hpop.cli.report import driven_speeds
 from hpop.criteria import trajectory_cost
 from hpop.errors import ModelError, UnsupportedModel
-from hpop.models.serial_arm.jerk import jerk_limited
+from hpop.export.base import jerk_limited
 from hpop.motions import Model, States
 from hpop.planners import Roadmap
 from hpop.planners.graphs.roadmap.configurations import ConfigurationRoadmap

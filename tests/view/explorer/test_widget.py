@@ -9,8 +9,8 @@ import sys
 import numpy as np
 import pytest
 
+from hpop.view import save as home
 from hpop.view import widget
-from hpop.view.explorer import save as home
 from hpop.view.single_page import bundle
 from tests.view.explorer.decoder import Page
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import shapely
 
-from hpop.apart import lines as collected
+from hpop.apart import child as collected
 from hpop.apart.child import ChildRefused
 from hpop.apart.dxf import extract
 from hpop.errors import MapError, ScenarioError

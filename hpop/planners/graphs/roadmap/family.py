@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias, cast
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray, numbered
-from hpop.base.options import MaybeRNG, set_seed, set_wholes
+from hpop.base.options import set_wholes
+from hpop.base.randomness import MaybeRNG, set_seed
 from hpop.base.text import set_python_values
 from hpop.criteria.base import make_criterion
 from hpop.errors import OptionError, QueryError
