@@ -13,7 +13,7 @@ import shapely
 from hpop.base.arguments import checked_arguments
 from hpop.base.text import shown
 from hpop.errors import HpopError, LimitError, OptionError, QueryError, RosError, UnknownName
-from hpop.frontier.union import JOINT
+from hpop.frontier.points import JOINT
 from hpop.motions import States
 from hpop.motions.states import Values
 from hpop.planners.base import Planner
