@@ -308,6 +308,7 @@ def test_ends_that_the_lattice_cannot_use_are_refused(start, goal, message):
         AnyAngle(step=STEP).solve(Problem(ROOM, ROBOT, start, goal, ["length"]))
 
 
+@pytest.mark.proof  # corners of a whole room on a clock: timed tests of lattice and roadmap hold the claim in each run
 def test_among_people_who_move_paths_at_any_angle_are_planned_on_a_clock():
     world = ROOM.with_content(people=(Person(1.0, 4.0, velocity=(0.5, 0.0), name="Bob"),))
     asked = Problem(world, ROBOT, (1.0, 1.0, 0.0), (5.0, 2.0, None), ["length", "duration"])
