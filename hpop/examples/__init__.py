@@ -28,6 +28,7 @@ SCENARIOS = {
     "museum_planners": ("museum_planners.yaml", "museum.geojson"),
     "arm_shelf": ("arm_shelf.yaml", *ARM),
     "mobile_arm": ("mobile_arm.yaml", *ARM),
+    "passenger": ("car_park.yaml",),
 }
 """Files of each scenario, by its name; the scenario file is the first."""
 
