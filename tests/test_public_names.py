@@ -269,6 +269,7 @@ hpop.world.content.Person
 hpop.world.content.Zone
 hpop.world.field.Field
 hpop.world.geojson_content.read
+hpop.world.planning_problem
 hpop.world.pose_at
 hpop.world.predictions
 hpop.world.proxemics
