@@ -341,8 +341,8 @@ def test_all_meshes_that_cannot_be_used_are_named_in_one_message(tmp_path):
     )
     with pytest.raises(
         ModelError,
-        match=r"4 of its meshes cannot be used\. .*flat.off.*thin box.*gone.stl.* opened.*package 'far', whose folder is "
-        r"unknown.*\(1 more for this reason\)",
+        match=r"4 of its meshes cannot be used\. .*flat.off.*thin box.*gone.stl.* opened.*package 'far', whose folder "
+        r"is unknown.*\(1 more for this reason\)",
     ) as error:
         SerialArm.from_urdf(tmp_path / "arm.urdf", tip="eye", acceleration=2.0)
     assert "b.stl" not in str(error.value)  # the folder of the package is missing for both
