@@ -20,7 +20,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs
 from hpop.drive.closings import Closing, chains_closed, closed_arcs, no_way_out, states_by_place
-from hpop.drive.known_paths import KnownRoutes, arcs_between, named_heads, places_of_nodes
+from hpop.drive.known_paths import GoalJoin, KnownRoutes, arcs_between, joins_to_goals, named_heads, places_of_nodes
 from hpop.drive.plan import speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import States
@@ -48,7 +48,13 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
-CACHED = ("_places", "_finder", "_named", "tails")  # cached values that depend only on states and arcs of the graph
+CACHED = (
+    "_places",
+    "_finder",
+    "_named",
+    "_goal_joins",
+    "tails",
+)  # cached values that depend only on states and arcs of the graph
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
 
 
@@ -243,7 +249,7 @@ class DriveGraph:
         columns |= {n: [c[at] for c, at in zip(columns[n], places, strict=True)] for n in columns if n != SPEED}
         nodes = self.nodes(States(**{name: np.concatenate(each) for name, each in columns.items()}))
         each = np.split(nodes, np.cumsum([at.size for at in places])[:-1])
-        return [(arcs, at[i]) for at, (arcs, i) in zip(places, map(self._arcs_along, each), strict=True)]
+        return [self._arcs_along(*path) for path in zip(each, places, trajectories, strict=True)]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
         """Return the arcs of a trajectory from its start on; None if it leaves the graph, or if an arc is closed."""
@@ -252,24 +258,22 @@ class DriveGraph:
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
         return arcs if begins and not self.closed[arcs].any() else None
 
-    def _arcs_along(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the arcs of the last part of a path that ends at a goal, and the indices in ``nodes`` of their tails.
+    def _arcs_along(self, nodes: IntArray, places: IntArray, trajectory: Trajectory) -> tuple[IntArray, IntArray]:
+        """Return the arcs of the last part of a trajectory that ends at a goal, and the indices of its states there.
 
-        The part begins after the last node of -1, which is a state off the graph. Both are empty if no arc leads on to
-        the goal.
+        The part begins after the last state off the graph. Both are empty if no arc leads on to the goal.
+
+        nodes, places  (N,)  nodes of the trajectory, -1 off the graph, and the indices of its states at them
         """
-        places = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
-        nodes = nodes[places]
+        distinct = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
+        nodes, places = nodes[distinct], places[distinct]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
-        if nodes[last] not in self.query.goals:  # a join of up to three motions leads to a goal beside the graph
-            space = self.query.space
-            longest = 3 + 2 * (space.one_layer is not space) + 4 * bool(space.slower_turns)  # with changes of speed
-            for last in range(nodes.size - 2, max(nodes.size - 2 - longest, -1), -1):
-                final = self._join_to_goal(int(nodes[last])) if nodes[last] >= 0 else final
-                if final.size:
-                    break
-            else:
-                return np.zeros(0, np.int64), np.zeros(0, np.int64)
+        if nodes[last] not in self.query.goals:  # a join leads to a goal beside the graph
+            ways = ((i, join) for i, node in enumerate(nodes.tolist()) for join in self._goal_joins.get(node, ()))
+            joined = ((i, join.arcs) for i, join in ways if join.is_end_of(trajectory, int(places[i])))
+            last, final = next(joined, (0, final))
+            if not final.size:
+                return final, final
         tails = np.flatnonzero(~self.inner.is_marker(nodes[:last]))
         arcs = arcs_between(self.graph, self._named, nodes[tails], nodes[tails + 1])
         breaks = np.flatnonzero(arcs < 0)
@@ -277,20 +281,13 @@ class DriveGraph:
         arcs = np.concatenate([arcs[first:], final])
         return arcs, places[np.append(tails, np.arange(last, nodes.size))[first : first + arcs.size]]
 
-    def _join_to_goal(self, node: int) -> IntArray:
-        """Return the arcs of a join from a node to a goal beside the graph; [] if there is none.
-
-        With several speeds, these are two arcs (:mod:`hpop.planners.graphs.speeds`), of the fastest copy of the join.
-        """
-        begin, end = self.graph.indptr[node : node + 2].tolist()
-        space, heads = self.query.space, self.graph.heads
-        beside = [goal for goal in self.query.goals if goal >= space.in_layer(np.array([self.inner.size]), np.zeros(1))]
-        for arc in reversed(range(begin, end)):
-            if heads[arc] in beside:
-                return np.array([arc])
-            if space.is_join(heads[[arc]].astype(np.int64))[0] and heads[self.graph.indptr[heads[arc]]] in beside:
-                return np.array([arc, self.graph.indptr[heads[arc]]])
-        return np.zeros(0, np.int64)
+    @cached_property
+    def _goal_joins(self) -> dict[int, list[GoalJoin]]:
+        """Joins to goals beside the graph, by the node at which they begin."""
+        space = self.query.space
+        added = space.in_layer(np.array([self.inner.size]), np.zeros(1))[0]
+        beside = np.array([goal for goal in self.query.goals if goal >= added], np.int64)
+        return joins_to_goals(self.graph, space, self.tails, self._named, beside)
 
     @cached_property
     def _named(self) -> NDArray[np.int32]:

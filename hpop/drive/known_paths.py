@@ -78,6 +78,7 @@ class KnownRoutes:
         return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
 
 
+ROUNDING = 1e-6  # m, rad or m/s: smaller differences between states of a trajectory and of a graph are rounding
 CLAIM = (
     "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
     "and others, better by an unknown factor, may be missing until the graph on the clock is built: call options again"
@@ -193,3 +194,56 @@ def arcs_between(graph: Graph, named: NDArray[np.int32], tails: IntArray, heads:
         hits = (begins + offset < ends) & (named[arcs] == heads[here])
         between[here[hits]] = arcs[hits]
     return between
+
+
+@dataclass(frozen=True, eq=False)
+class GoalJoin:
+    """Arcs that connect a state of a graph to a goal beside it: a chain of motions, such as turn, move, turn.
+
+    arcs    (1,) or (2,)  two if the join has a node of its own between its ends (:mod:`hpop.planners.graphs.speeds`)
+    states  (p + 1,)  states in which its p motions begin and end, with their speeds if there are several
+    kinds   kinds of the p motions
+    """
+
+    arcs: IntArray
+    states: States
+    kinds: tuple[str, ...]
+
+    def is_end_of(self, trajectory: Trajectory, place: int) -> bool:
+        """Return whether a trajectory consists of these motions from its state of index ``place`` on."""
+        if trajectory.kinds[place:] != self.kinds:
+            return False
+        states, space = trajectory.states.take(np.arange(place, len(trajectory) + 1)), trajectory.model.space
+        apart = [*space.differences(self.states, states).values(), speed_of(states) - speed_of(self.states)]
+        return bool((np.abs(apart) <= ROUNDING).all())
+
+
+def joins_to_goals(
+    graph: Graph, space: TrajectoryGraph, tails: IntArray, named: NDArray[np.int32], goals: IntArray
+) -> dict[int, list[GoalJoin]]:
+    """Return all joins that lead to some goals, by the node at which they begin.
+
+    graph         arcs of ``space``
+    tails, named  (m,)  tail of each arc, and the node that follows it in a path (:func:`named_heads`)
+    goals         goals that were added to the states of the graph
+    """
+    last = np.flatnonzero(np.isin(graph.heads, goals))
+    middle = space.is_join(tails[last])
+    into = {int(graph.heads[arc]): arc for arc in np.flatnonzero(np.isin(graph.heads, tails[last[middle]])).tolist()}
+    chains, paths = list[list[int]](), list[list[int]]()
+    for arc, is_second in zip(last.tolist(), middle.tolist(), strict=True):
+        chains.append([into[int(tails[arc])], arc] if is_second else [arc])
+        nodes = [int(tails[chains[-1][0]])]
+        for each in chains[-1]:
+            nodes += dict.fromkeys((int(named[each]), int(graph.heads[each])))
+        paths.append(nodes)
+    joins = dict[int, list[GoalJoin]]()
+    if not paths:
+        return joins
+    sizes = np.array([len(path) for path in paths], np.int64)
+    states, kinds, sizes = space.stretches(np.array([node for path in paths for node in path], np.int64), sizes)
+    words, ends = tuple(space.kinds[kind] for kind in kinds.tolist()), np.cumsum(sizes).tolist()
+    for chain, path, begin, end in zip(chains, paths, [0, *ends], ends, strict=False):
+        join = GoalJoin(np.array(chain), states.take(np.arange(begin, end)), words[begin + 1 : end])
+        joins.setdefault(path[0], []).append(join)
+    return joins

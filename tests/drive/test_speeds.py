@@ -33,7 +33,7 @@ from hpop.world.content.content import Zone
 from tests.drive.test_fresh_search import covered
 from tests.planners.speeds.test_enumerated import ACROSS, CRITERIA, HEADINGS, RADIUS, SIZE, Oracle, executed_as_planned
 from tests.planners.timed.test_enumerated import driven, is_safe, person
-from tests.planners.timed.test_run_speeds import RateCase, SpeedCase
+from tests.planners.timed.test_run_speeds import ANN, ROOMY, RateCase, SpeedCase, room
 
 PLANNER = Lattice(step=1.0, headings=HEADINGS)
 EXTENT = shapely.box(-0.5, -0.5, SIZE[0] - 0.5, SIZE[1] - 0.5)
@@ -237,3 +237,34 @@ def test_a_drive_goes_on_as_people_come_and_go_and_areas_close_and_open(seed: in
     assert list(lone.robot.faults(drive.plan)) == []
     drive.save(tmp_path / "drive.json")
     assert hpop.drive.load(tmp_path / "drive.json").plan.describe() == drive.plan.describe()
+
+
+@pytest.mark.cases(2)
+@pytest.mark.parametrize("people", [(), (ANN,)])
+@pytest.mark.parametrize("rates", [(0.6, 1.5), 1.5])
+@pytest.mark.parametrize("headings", [8, 4])
+@pytest.mark.parametrize("yaw", [None, 0.3])
+def test_known_plans_to_a_goal_beside_the_graph_are_options_at_once(
+    people: tuple[Person, ...], rates: Any, headings: int, yaw: float | None
+) -> None:
+    criteria, ends = ["duration", "felt_acceleration"], ((0, 0, 0), (4.2, 0.7, yaw))
+    model = replace(ROOMY, turn_rates=rates if isinstance(rates, tuple) else (), turn_rate=1.5)
+    problem = Problem(room(*people), model, *ends, criteria, quanta={"duration": 0.1})
+    planner = Lattice(step=0.5, headings=headings)
+    front = problem.solve(planner)
+    drive = hpop.follow(problem, front, 0, planner=planner)
+    drive.ready(0.0)
+    options = drive.options(0.0, 0.0).front.trajectories  # 0 s are for no search
+
+    begins = options[0].states.take([0])
+
+    def columns(states: States) -> np.ndarray:
+        return np.stack([getattr(states, name) for name in ("x", "y", "yaw", "speed")], axis=1)
+
+    later = list[tuple[tuple[str, ...], np.ndarray]]()  # what remains of plans that come where the options begin
+    for plan in front.trajectories:
+        there = np.flatnonzero(np.isclose(columns(plan.states), columns(begins)).all(axis=1))[-1:]
+        later += [(plan.kinds[row:], columns(plan.states)[row:]) for row in there.tolist()]
+    assert len(later) > 1
+    for kinds, states in later:
+        assert any(kinds == option.kinds and np.allclose(states, columns(option.states)) for option in options)

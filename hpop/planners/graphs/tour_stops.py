@@ -232,11 +232,10 @@ def _reason(problem: Problem, stop: TourStop) -> str:
         (x, y), columns = stop.at, dict.fromkeys(model.space.names, np.zeros(1))
         centre = States(**columns | {"x": np.array([x]), "y": np.array([y])})
         blocked = model.collision(world).why_blocked(centre)
-        why = f": at ({x:g}, {y:g}) {blocked}.{elsewhere(model, world, centre)}" if blocked else "."
-        return (
-            f"{said}: no free robot state was found within {stop.within:g} m of its position{why} Move the stop, or "
-            "give a larger within."
-        )
+        said += f": no free robot state was found within {stop.within:g} m of its position ({x:g}, {y:g})"
+        if not blocked:
+            return f"{said}. Move the stop, or give a larger within."
+        return f"{said}: {blocked}, or give a larger within.{elsewhere(model, world, centre)}"
     if stop.landmark is not None:
         return (
             f"{said}: no free robot state within {stop.within:g} m of landmark {stop.landmark!r} was found from which "
