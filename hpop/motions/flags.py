@@ -24,6 +24,7 @@ FEWEST = 4  # intervals of a motion before any halving
 OPEN = 5e-3  # share of the largest value times the duration: possible error of an interval that is not halved
 HALVINGS = 10  # most halvings of an interval
 AT_ONCE = 1 << 22  # flags that are kept together
+FEW = 32  # fewer flags of a place do not let more places be kept together: poses of bodies need memory too
 
 Flags = NDArray[np.int8]
 """Flags (N, K) at N places: 0, 1 or ASKED."""
@@ -44,7 +45,7 @@ def flag_integrals(flags_at: FlagsAt, time_at: TimeAt, motions: IntArray, turned
     """
     totals = np.zeros(turned.size)
     steps = np.maximum(FEWEST, np.ceil(turned[motions] / FLAG_STEP)).astype(np.int64)
-    until = np.cumsum((steps + 1) * count)
+    until = np.cumsum((steps + 1) * max(count, FEW))
     begin = 0
     while begin < motions.size:
         before = until[begin - 1] if begin else 0

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import casadi
 import numpy as np
 import pytest
 import shapely
@@ -12,10 +13,11 @@ import shapely
 import hpop
 from hpop.criteria import LookAtCriterion, Occlusion, ViewDistance, make_criterion, motion_costs, trajectory_cost
 from hpop.criteria.base import describe_criterion
-from hpop.errors import CriterionError
-from hpop.motions import Motions
+from hpop.errors import CriterionError, OptionError
+from hpop.motions import Motions, States
 from hpop.world.geometry.solids import Box, Cylinder, Sphere
 from tests.jointed import Jointed, agrees_everywhere, camera_at, moments, states_of, tour
+from tests.models.serial_arm.arms import arm6
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(-5, -5, 5, 5))
 TARGET_LOOK_AT = (1.0, 0.4, 0.5)
@@ -207,6 +209,16 @@ def test_it_adds_up_on_edges_and_trajectories():
 def test_it_serves_a_base_as_well():
     drive = hpop.Trajectory.from_poses(hpop.DifferentialDrive(), [(0, 0, 0), (0, 3, 0)])
     assert 0 < trajectory_cost(Occlusion((2.0, 0.0, 1.2)), drive, panel(0.5, 1.5)) < drive.duration
+
+
+@pytest.mark.parametrize("model", [arm6(), hpop.DifferentialDrive()], ids=["arm", "base"])
+def test_occlusion_of_no_motions_is_no_cost_and_that_of_symbols_is_refused(model):
+    law, criterion = next(iter(model.laws.values())), Occlusion(TARGET_OCCLUSION)
+    nothing = States(**dict.fromkeys(model.space.names, np.zeros(0)))
+    assert criterion.cost(Motions(WORLD, model, law, nothing, nothing)).size == 0
+    symbols = States(**{name: casadi.SX.sym(name) for name in model.space.names})
+    with pytest.raises(OptionError, match="use a planner on a graph"):
+        criterion.cost(Motions(WORLD, model, law, symbols, symbols))
 
 
 def test_what_it_declares_for_occlusion():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hpop.motions.flags import ASKED, FLAG_STEP, flag_integrals
+from hpop.motions.flags import ASKED, AT_ONCE, FLAG_STEP, flag_integrals
 
 RNG = np.random.default_rng(3)
 MOTIONS, COUNT = 40, 25
@@ -77,3 +77,17 @@ def test_motions_that_are_not_asked_for_are_nothing_and_blocks_change_nothing(mo
     np.testing.assert_array_equal(found, again)
     assert (np.delete(found, some) == 0.0).all()
     assert found[some] == pytest.approx(set_for()[some], rel=0.2)
+
+
+def test_few_flags_do_not_let_very_many_places_be_kept_together():
+    """A place takes memory itself: the poses of all bodies of an arm."""
+    sizes = []
+
+    def counted(share, owner, flags):
+        sizes.append(share.size)
+        flags[:] = 0
+
+    motions = np.arange(20_000)
+    flag_integrals(counted, lambda share, _: share, motions, np.full(motions.size, 20 * FLAG_STEP), 1)
+    assert sum(sizes) == 21 * motions.size
+    assert max(sizes) <= AT_ONCE / 32

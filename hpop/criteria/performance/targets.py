@@ -15,7 +15,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions, Vector
-from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of, towards_ball
+from hpop.world.geometry.rays_in_space import Surfaces, refuse_symbols, rows, surfaces_of, towards_ball
 from hpop.world.geometry.solids import Solid
 
 
@@ -152,8 +152,9 @@ class Occlusion(Targeted):
 
     def cost(self, m: Motions) -> Column:
         """Return the time integral of the blocked share (M,), s."""
-        world, model = surfaces_of(m.world), m.model
-        shapes = [shape for shape, _ in model.bodies(m.start.take([0]))]
+        refuse_symbols(m.start.__dict__.values())
+        world, first = surfaces_of(m.world), m.start.take(np.arange(min(1, len(m))))
+        shapes = [shape for shape, _ in m.model.bodies(first)]
         surfaces = world.joined(Surfaces.of([Solid(shape, np.eye(4)) for shape in shapes]))
         return m.integrate_flags(lambda s, rays: self._find_blocked(surfaces, len(world), s, rays), self.rays)
 

@@ -228,7 +228,7 @@ def blocked(
                 depth = balls[b, 7]
                 for i3 in range(3):
                     depth += axis[i3] * (balls[b, i3] - o[i3])
-                if depth < nearest * cosine:  # the body is before the ends of all rays
+                if cosine > 0.0 and depth < nearest * cosine:  # the body is before the ends of all rays
                     last, first, edge = NONE, begin[b], first_edge[b]
                     for part in range(2):  # the box of the body, then its other planes
                         until, to = (first + 2 * BOX, edge + EDGES) if part == 0 else (begin[b + 1], first_edge[b + 1])

@@ -8,14 +8,14 @@ compute many rays at once. For cameras of fixed height the planar methods (:mod:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import FloatArray, IntArray
+from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.errors import OptionError
 from hpop.runtime import limits
@@ -186,12 +186,17 @@ def surfaces_of(world: World) -> Surfaces:
 
 def rows(vector: Vector, size: int) -> FloatArray:
     """Stack the x, y and z of a vector, columns (N,) or numbers, into rows (N, 3); OptionError for CasADi symbols."""
-    if any(map(is_symbolic, vector)):
+    refuse_symbols(vector)
+    return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
+
+
+def refuse_symbols(columns: Iterable[Column]) -> None:
+    """Raise OptionError for CasADi symbols."""
+    if any(map(is_symbolic, columns)):
         raise OptionError(
             "rays in space need positions as numbers, but here they are variables of an optimisation; use a planner on "
             "a graph."
         )
-    return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
 
 
 def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.pi) -> FloatArray:

@@ -237,3 +237,15 @@ def test_points_of_spirals_are_even():
     assert (np.abs(np.arcsin(view[:, 2])) < 0.3).all()
     ahead = math.sin(0.6) / 0.6 * (0.3 + 0.5 * math.sin(0.6)) / (2 * math.sin(0.3))  # ∫∫ cos² over the view
     assert view.mean(axis=0) == pytest.approx([ahead, 0.0, 0.0], abs=2e-3)
+
+
+def test_a_body_beyond_the_end_of_a_ray_is_not_entered_however_wide_the_cone_of_rays_is():
+    """Most rays lead ahead; one leads back to a box that is farther away than this ray is long."""
+    back = np.array([-0.8, 0.6, 0.0])
+    pose = np.eye(4)
+    pose[:3, 3] = 3.0 * back
+    box = Surfaces.of([Solid(Box((0.2, 0.2, 0.2)), pose)])
+    directions = np.stack([*np.tile([1.0, 0.0, 0.0], (8, 1)), back])[None]
+    for length, expected in ((1.0, 0.0), (4.0, 1 / 9)):
+        reach = np.array([[9.0] * 8 + [length]])
+        assert box.blocked(Surfaces.of([]), np.empty((0, 1, 4, 4)), np.zeros((1, 3)), directions, reach) == expected
