@@ -92,14 +92,14 @@ class LivePlanner(OfferedDrive):
                 self.goal = found
             yield from self._offer_goal(now, pose)
 
-    def _offer_goal(self, now: float, pose: Pose) -> Iterator[Message]:
-        """Offer the ways to the present destination, from where the robot may change its plan."""
+    def _offer_goal(self, now: float, pose: Pose, lead: float = LEAD) -> Iterator[Message]:
+        """Offer the ways to the present destination, from where the robot may change its plan in ``lead`` s."""
         assert self.goal is not None
         before, state = None, start_on_graph(self._pose(pose), self.graph, self.template.model)
-        time = now + (LEAD_AMONG_PEOPLE if self.surroundings.moving else LEAD)
+        time = now + (max(lead, LEAD_AMONG_PEOPLE) if self.surroundings.moving else lead)
         if self.drive is not None:
             with self.changing:
-                commit = self.drive.commit(now, LEAD + self.brakes)
+                commit = self.drive.commit(now, lead + self.brakes)
                 before, state, time = self._whole(commit.before), commit.state, commit.time
         goal, words, front = self.goal, "", None
         try:
@@ -175,6 +175,9 @@ class LivePlanner(OfferedDrive):
         """
         yield from self.options(now, pose)
         yield from self.show(now, pose)
+        took = self.clock() - now
+        if took > 0.0 and self.goal is not None and self.offer is not None and self._is_late(self.offer, now):
+            yield from self._offer_goal(now + took, pose, min(TIMES_AHEAD * took, MOST_AHEAD))
         offer = self.offer
         if offer is not None and offer.ways.trajectories:
             distances = [apart(chosen, other) for other in offer.ways.trajectories]
@@ -272,13 +275,15 @@ class LivePlanner(OfferedDrive):
         for name in closed.keys() - names:
             yield from self._change(now, pose, "close", closed[name], name)
 
-    def people(self, now: float, pose: Pose, people: Sequence[Sequence[float]]) -> Iterator[Message]:
-        """Replace the people by those who are seen: x, y, m, and their velocities, m/s."""
+    def people(
+        self, now: float, pose: Pose, people: Sequence[Sequence[float]], radius: float = Person.radius
+    ) -> Iterator[Message]:
+        """Replace the people by those who are seen: x, y, m, and their velocities, m/s; ``radius``, m, of each."""
         horizon = self.template.horizon or HORIZON
         seen = tuple(
-            Person(x, y, velocity=(vx, vy), until=horizon, name=f"person {i}")
+            Person(x, y, velocity=(vx, vy), until=horizon, radius=radius, name=f"person {i}")
             if math.hypot(vx, vy) > STANDS
-            else Person(x, y, name=f"person {i}")
+            else Person(x, y, radius=radius, name=f"person {i}")
             for i, (x, y, vx, vy) in enumerate(people, 1)
         )
         yield from self._change(now, pose, "people", seen, "")
@@ -337,10 +342,10 @@ class LivePlanner(OfferedDrive):
             yield from self.show(now, pose)
 
     def arrived(self, now: float, pose: Pose, there: bool = True) -> Iterator[Message]:
-        """End the drive at its destination; not if ``there`` is False: the robot has another plan meanwhile."""
+        """End the drive, and say so; not if ``there`` is False: the robot has another plan meanwhile."""
         if there:
             with self.changing:
                 self.drive = self.prefix = None
                 if self.goal is None:
                     self.offer = None
-        yield from ()
+                yield {"type": "ended"}  # no plan of this drive comes after it

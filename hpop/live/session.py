@@ -23,10 +23,8 @@ from hpop.simulation import Pedestrians, Walking
 from hpop.trajectories.trajectory import Trajectory
 
 TICK = 0.02  # time between steps of the robot, s
-STATE = 0.05  # time between messages "state", s
-RECORDED = 0.1  # time between recorded states, s
-SILENT = 0.5
-"""Time, s, without a sign of the driver's page after which the robot brakes."""
+STATE, RECORDED = 0.05, 0.1  # time between messages "state", s; between recorded states, s
+SILENT = 0.5  # time, s, without a sign of the driver's page after which the robot brakes
 LOST = 5.0
 """Time, s, without a sign after which another viewer may take over, and the robot does not start by itself again."""
 RENEWED, RENEWED_BEFORE = 0.4, 0.5  # s: between offers of ways while driving, at least; before the last are too late
@@ -115,7 +113,7 @@ class LiveSession(Audience):
         if self.robot.arrived and not self._has_arrived:
             self._has_arrived, self._goal = True, None
             self.tell({"type": "arrived"})
-            self._ask("arrived", there=lambda: self._has_arrived)
+            self._ask("arrived", there=lambda: self._has_arrived and not self._waits)
         if (turn := self.robot.announcement()) is not None:
             self.tell(turn)
         if now >= self._next["state"]:
@@ -146,8 +144,6 @@ class LiveSession(Audience):
             "plan": self._plan,
             "braked": self.braked,
         }
-
-    # Viewers
 
     def leave(self, viewer: Viewer) -> None:
         """Forget a viewer who has gone; another one may then drive."""
@@ -276,7 +272,7 @@ class LiveSession(Audience):
                 self._ready()
             case "crashed":
                 self.stopped = self.stopped or not self._has_arrived  # the next planner does not know the plan
-                self._starts, self._told_people, self._is_planless = False, ToldPeople(), True
+                self._waits, self._starts, self._told_people, self._is_planless = False, False, ToldPeople(), True
                 if self._repeats:
                     self._goal, self._repeats = None, 0
                     self.note("the destination ended the planner twice, and is not asked for again; choose another")
@@ -284,6 +280,10 @@ class LiveSession(Audience):
                 self.note(f"the planner {ended} and is started again; the robot stops, {LOOK}")
             case "lost":
                 self._leave_plan()
+            case "ended":
+                self._waits = False
+                if not self._has_arrived:  # a push has changed the plan just before the drive ended
+                    self.stopped = self._is_planless = True
             case "place" | "options":
                 if message["type"] == "options" or message["status"] == "blocked":  # the search for ways has ended
                     self._repeats = 0
@@ -327,7 +327,7 @@ class LiveSession(Audience):
     def _leave_plan(self, words: str = "the robot has left its plan and stops") -> None:
         """Stop, because the planner does not know what the robot drives: closed areas would not be avoided any more."""
         self.stopped, self._is_planless, self._waits, self._starts = True, True, False, False
-        self._ask("arrived")  # the drive ends
+        self._ask("arrived", there=lambda: self._is_planless)  # the drive ends, unless a push has changed the plan
         self.note(f"{words}; choose a destination anew")
 
     def _ready(self) -> None:
@@ -359,7 +359,7 @@ class LiveSession(Audience):
         if self.planner.is_ready and (wanted or free) and self._told_people.differ(self.people, now, PREDICTED):
             self._next["people"] = now + SEEN
             self._told_people.keep(self.people, now)
-            self._ask("people", people=self.people)
+            self._ask("people", people=self.people, radius=self._pedestrians.radius)
             if drives and not wanted:
                 self._ask_ways()
 

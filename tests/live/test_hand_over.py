@@ -8,16 +8,18 @@ from pathlib import Path
 import pytest
 
 from tests.live.stepped import SteppedSession, Walkers
-from tests.worlds import TWO_WALLS
+from tests.worlds import SECOND, TWO_WALLS
 
 ROOM = TWO_WALLS.replace("step: 0.25", "step: 0.5")
 
 
 @pytest.fixture
 def session_of(tmp_path: Path) -> Callable[..., SteppedSession]:
-    def make(late: Callable[[str], float], *people: tuple[float, float, float, float]) -> SteppedSession:
+    def make(
+        late: Callable[[str], float], *people: tuple[float, float, float, float], room: str = ROOM
+    ) -> SteppedSession:
         file = tmp_path / "room.yaml"
-        file.write_text(ROOM)
+        file.write_text(room)
         return SteppedSession(file, tmp_path, Walkers(*people), late)
 
     return make
@@ -63,3 +65,36 @@ def test_a_way_is_not_driven_into_a_person_who_began_to_walk_while_it_was_found(
     assert session.met == []
     assert session.gap > 0
     assert session.off < 0.1
+
+
+def test_a_robot_goes_round_a_person_who_is_wider_than_most(session_of: Callable[..., SteppedSession]) -> None:
+    """She stands with a pram, whose edge a way for a narrow person would touch."""
+    session = session_of(lambda kind: 0.05, (4.5, 3.9, 0.0, 0.0), room=ROOM.replace(SECOND, ""))
+    session._pedestrians.radius = 0.7
+    session.go(0.1)
+    session.say("destination", x=6.0, y=4.0)
+    options = session.wait_for("options")
+    session.say("take", option=options["cards"][0]["option"], asked=options["asked"])
+    assert session.go(60.0, lambda: session.told[-1]["type"] == "arrived")
+    assert session.met == []
+    assert session.gap > 0
+
+
+@pytest.mark.parametrize("late", [0.0, 1.0])
+def test_a_robot_drives_only_along_a_plan_that_the_planner_knows(
+    session_of: Callable[..., SteppedSession], late: float
+) -> None:
+    """A push is answered while the end of the drive waits for another answer."""
+    session = session_of(lambda kind: late if kind == "options" else 0.0)
+    driven(session)
+    session.go(2.0)
+    session._ask_ways()
+    session.go(0.02)
+    session._leave_plan()
+    for direction in (1.5, -1.5):
+        session.say("push", direction=direction)
+        session.go(0.02)
+    session.go(late + 2.0)
+    session.say("go")
+    session.go(1.0)
+    assert session.live.drive is not None or session.robot.stands

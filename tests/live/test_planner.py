@@ -159,6 +159,29 @@ def brute(way: Trajectory, heading: float) -> float:
     return sum(abs(math.remainder(yaw - heading, math.tau)) for yaw in yaws) / len(yaws)
 
 
+def test_a_new_destination_is_taken_where_the_robot_can_still_turn_however_long_the_search_took(
+    planner: LivePlanner,
+) -> None:
+    """The clock goes on by 0.8 s while ways are searched from where the robot can still turn."""
+    told = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.1, START, told["cards"][0]["option"]))
+    assert planner.drive is not None
+    x, y, yaw = (float(getattr(planner.drive.at(1.0).state, name)[0]) for name in ("x", "y", "yaw"))
+    told = of(planner.destination(1.0, (x, y, yaw), {"x": 1.0, "y": 4.0}), "options")
+    late = clock = told["commit"]["t"] - planner.brakes + 0.02
+    planner.clock = lambda: clock
+    x, y, yaw = (float(getattr(planner.drive.at(late).state, name)[0]) for name in ("x", "y", "yaw"))
+    begins, plans = told["commit"]["t"], 0
+    for message in planner.take(late, (x, y, yaw), told["cards"][0]["option"], told["asked"]):
+        if message["type"] == "options":
+            clock += 0.8 if message["asked"] == late else 0.0
+            begins = message["commit"]["t"]
+        if message["type"] == "plan":
+            plans += 1
+            assert begins >= clock + planner.brakes
+    assert plans == 1
+
+
 def test_ways_of_an_older_question_and_the_end_of_an_older_drive_change_nothing(planner: LivePlanner) -> None:
     options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
     told = list(planner.take(0.0, START, 0, asked=options["asked"] + 1.0))
