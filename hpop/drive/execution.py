@@ -92,7 +92,7 @@ class Execution(StopLog):
         return f"<Execution: {self.plan.duration:.1f} s {ends}, {len(self.record)} events>"
 
     def _lay_out(self, now: float) -> None:
-        """Prepare the graph for queries from a time on; among moving people this begins in another thread."""
+        """Prepare the graph for queries from a time on; among moving people, only begin to, in another thread."""
         if not self.surroundings.moving:
             self._replanner.graph(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:

@@ -229,7 +229,7 @@ class TimedDriveGraph:
         return int(self.untimed.nodes(state)[0])
 
     def tick(self, at: float) -> int:
-        """Return the tick nearest to a time, s of the drive; 0 for times before tick 0."""
+        """Return the tick nearest to a time, s of the drive, counted from 0 at `since`; 0 for earlier times."""
         return max(0, round((at - self.since) / self.options.tick))
 
     @cached_property

@@ -41,7 +41,7 @@ def angle(value: Any) -> float:
 
 
 def whole(value: Any) -> int:
-    """Return a whole number from 0 on; ValueError for anything else."""
+    """Return a whole number from 0 to `FARTHEST`; ValueError for anything else."""
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= FARTHEST:
         raise ValueError("a whole number")
     return value

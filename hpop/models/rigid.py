@@ -267,7 +267,10 @@ def rigid_body(name: str, mount: Mount, motions: Motions) -> Body:
 
 
 def turned_body(name: str, motions: Motions) -> Body:
-    """Return how a body carried by joints moves while the joints rest and the base moves straight or turns in place."""
+    """Return how the body ``name``, which joints carry, moves in each of ``motions``.
+
+    In these motions the joints rest, and the base moves straight or turns in place.
+    """
     m, law = motions, cast(PlanarLaw, motions.law)
     start, rotation = m.model.pose(name, m.start), law.turned(m.start, m.end)
     lever = hypot(start.x - m.start.x, start.y - m.start.y)

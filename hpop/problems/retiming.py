@@ -309,7 +309,7 @@ def _swept(path: _Path, profiles: Profiles, points: int, slowest: float) -> list
 
 
 def _certificate(profiles: Profiles, criterion: Criterion) -> str:
-    """Return the claim for a front of speed profiles."""
+    """Return the claim for a front of speed profiles: each has the least cost, or little cost, for its duration."""
     claim = (
         f"each point is the speed profile of least {criterion.name} for its duration on one path, with constant "
         f"acceleration along it in each of {profiles.steps.size:,} intervals (convex programs, solved by Clarabel)"

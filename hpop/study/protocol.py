@@ -1,8 +1,8 @@
 """Protocol of a study: rests, the stop rule, and tasks during a stimulus with their options and schedules.
 
 A design has the options of each task. Times of tones and signals are drawn from the design's seed, anew for each
-participant and place, so that no stimulus has an easier schedule than another. All times count from the moment at which
-the stimulus begins.
+participant and place in the order of stimuli, so that no stimulus has an easier schedule than another. All times count
+from the moment at which the stimulus begins.
 """
 
 from __future__ import annotations

@@ -192,7 +192,8 @@ def marks(
 ) -> tuple[Mark, ...]:
     """Return named trajectories: the rows ``chosen`` by label, or the knee, the least of each cost, and the preferred.
 
-    A row with several names is one mark. Raises OptionError for a row that the front does not have.
+    The preferred trajectory is the best one for a person, according to ``preference``; without it there is none. A row
+    with several names is one mark. Raises OptionError for a row that the front does not have.
     """
     if chosen is None:
         chosen = {name: point.index for name, point in front.named(preference).items()}

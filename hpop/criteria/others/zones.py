@@ -25,9 +25,10 @@ from hpop.world.fields.field import Field, grid_points
 class AgainstFlow:
     """Metres moved against the direction of one-way zones: ∫ (-v · direction)₊ dt.
 
-    v is the velocity of the base's axis. The direction at a point is that of the nearest segment of the zone's path;
-    beyond a corner, it is halfway between those of two segments. Moving across the direction costs nothing. Where zones
-    overlap, each counts. Unit m; a sum over motions. The definition is this library's own, not a published measure.
+    v is the velocity of the base's axis, the point x, y of its pose. The direction at a point is that of the nearest
+    segment of the zone's path; beyond a corner, it is halfway between those of two segments. Moving across the
+    direction costs nothing. Where zones overlap, each counts. Unit m; a sum over motions. The definition is this
+    library's own, not a published measure.
 
     The border of a zone, and the line where the direction changes, are blurred over about two cells of the distance
     grid on either side (see :class:`hpop.world.fields.field.Field`), so that the cost has a gradient.

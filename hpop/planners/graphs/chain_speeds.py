@@ -134,9 +134,9 @@ class ChainSpeedGraph(WrappedGraph):
 
     @cached_property
     def _offered(self) -> tuple[IntArray, IntArray]:
-        """Arcs of the roadmap, and classes in which they are driven, as two arrays (a,), sorted by arc.
+        """Arcs of the roadmap, each with a speed class in which it can be driven: two arrays (a,), sorted by arc.
 
-        A slower class is left out where all motions of the chain are those of a faster class.
+        An arc is a chain of motions. If a faster class drives all its motions alike, the slower one is left out.
         """
         arcs, count = self.inner.arcs, len(self._paces)
         kinds = self.inner.kinds

@@ -259,9 +259,10 @@ class JoinedEnds(WrappedGraph):
         return [node for part in parts for node in part]
 
     def checked(self, goals: Sequence[str]) -> dict[str, list[int]]:
-        """Return the node of each end by name, as a list: one node, or none for a goal that cannot be connected.
+        """Return a dict from the name of each end to a list: its node, or empty if the end cannot be connected.
 
-        Raises QueryError if the start, or every one of ``goals``, is blocked or cannot be connected.
+        Names are those of ``ends``: "start", goals and stops. Raises QueryError if the start, or every one of
+        ``goals``, is blocked or cannot be connected.
         """
         reached = {*self.joins.tails.tolist(), *self.joins.heads.tolist()}
         lost = [what for what in self.ends if self.node(what) not in reached]

@@ -209,7 +209,7 @@ class General(HeapSearch):
         return gap
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
+        """Find last nodes of a checkpoint's labels, and bounds of whole paths' costs, see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), len(self.order)), self.dtype)
         most = np.full(f.shape[1], INT32_LIMIT if self.dtype is np.int32 else MAX_KEY)
         graph = (self.start, self.table[:, 0], self.table[:, 1:], self.nodes, self.is_target, self.is_max)

@@ -345,7 +345,7 @@ class Staircase(JointSearch):
         return int(clock.call(checksum_of_stairs, self.stairs, self.group_table, self.width, empty))
 
     def retrace(self, values: IntArray, closed: int, at: Nodes, clock: Clock) -> tuple[int, NDArray[Any]]:
-        """Compute the last nodes and the estimates of saved labels (partial paths), see :meth:`.Search.retrace`."""
+        """Find last nodes of a checkpoint's labels, and bounds of whole paths' costs, see :meth:`.Search.retrace`."""
         f = np.zeros((len(values), 3), np.int64)
         tails = np.repeat(np.arange(len(self.nodes), dtype=np.int32), np.diff(self.start))
         most = np.array([ANYTHING, (1 << INDEX_BITS) - 1, self.packing[-1]])

@@ -3,15 +3,19 @@
 Time is counted in ticks from 0, the earliest departure from the source. From the horizon H on nothing changes: the last
 column of every table, column H, is for departures at H and at any later tick.
 
-**An arc** a = (u, v) with departure at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one,
-otherwise its static cost. An arc that `stays`, such as a turn in place, also costs standing at its place meanwhile. In
-the columns of `standing` it adds W(t', t' + d_a), where t' = min(t, H) (for a maximum, the larger one counts). So from
-H on an arc has exactly its cost at H.
+**Standing** at a place from tick t1 to t2 has the cost W(t1, t2). A rate is the cost of standing for one tick.
 
-**A hold**, a pause at a node from t1 to t2, costs W(t1, t2) at its place. For a sum, W(t1, t2) is
-Omega(t2) - Omega(t1), where Omega(t) is the cost of standing from tick 0 to t: its table up to H and then
-Omega(H) + floor((t - H) rate / 2^20), or floor(t rate / 2^20) if it has no table. For a maximum, W(t1, t2) is the
-largest rate of the ticks t1 to t2 - 1. A hold lasts at least `hold` ticks.
+- A cost that is a sum: W(t1, t2) = Omega(t2) - Omega(t1), where Omega(t) is the cost of standing from tick 0 to t. Up
+  to H, Omega is the table of this cost in `standing`. Then Omega(t) = Omega(H) + floor((t - H) rate / 2^20): `rate` is
+  in units of 2^-20 quanta. Without a table, Omega(t) = floor(t rate / 2^20).
+- A cost that is a maximum: W(t1, t2) is the largest rate of the ticks t1 to t2 - 1.
+
+**An arc** a = (u, v) with departure at tick t arrives at t + d_a. Its cost j is the entry of its table, if it has one,
+otherwise its static cost. An arc that `stays`, such as a turn in place, also costs standing at its place meanwhile. For
+each cost j with a table in `standing`, W(t', t' + d_a) is added, where t' = min(t, H); of a maximum, the larger of both
+counts. At all ticks from H on, t' is H, so the arc has its cost at H.
+
+**A hold**, a pause at a node from t1 to t2, costs W(t1, t2) at its place. It lasts at least `hold` ticks.
 """
 
 from __future__ import annotations

@@ -163,7 +163,10 @@ def _from_effect(effect: Any, k: int, correlation: float, like: Any, test: str |
         k = whole("k", k, 2, 26, "a number of stimuli", error=StudyError)
         shifts = np.linspace(0.0, real("effect", effect, -100, 100, "a shift", error=StudyError), k)
     if len(shifts) < 2:
-        raise StudyError(f"effect must give the shifts of two stimuli or more, got {shown(effect)}")
+        raise StudyError(
+            "effect, as a list, must have a shift (in standard deviations) for each of two stimuli or more, got "
+            f"{shown(effect)}; add the missing shifts"
+        )
     pieces = _pieces(like, test)
     own = np.sqrt(real("correlation", correlation, 0.0, 0.999, "a correlation", error=StudyError))
 

@@ -80,7 +80,8 @@ def inside(
 ) -> tuple[float, float]:
     """Return the interval (low, high) of t, m, in which the line o + t d is inside a convex body; low > high for none.
 
-    d has length 1. See `Surfaces` for the planes (P, 4) and for round_ (8,), a row of its ``rounds``.
+    d has length 1. The body's planes are the rows ``first`` to ``last`` - 1 of ``planes`` (P, 4). ``round_`` (8,) has
+    its cylinder or ball, and its bounding ball: it is a row of ``rounds`` of `Surfaces`, which explains the numbers.
     """
     mx, my, mz = o[0] - round_[0], o[1] - round_[1], o[2] - round_[2]
     along = mx * d[0] + my * d[1] + mz * d[2]

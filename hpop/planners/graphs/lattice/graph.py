@@ -141,10 +141,10 @@ class StateLattice(StateGraph):
 
     @cached_property
     def stance(self) -> IntArray:
-        """Stance (S,) of each station: the number by which stations with equal collisions are grouped.
+        """Stance (S,) of each station: the number of its group, whose stations all collide at equal positions.
 
-        At a position, either all stations of a stance are free of collisions or none is. If collisions depend only on
-        position and heading, the stance is the heading; otherwise each station is a stance.
+        A station is a heading with values of the robot's other coordinates, such as the pan of a camera. If collisions
+        depend only on position and heading, the stance is the heading; otherwise each station is its own group.
         """
         return np.arange(self.width) if self.collision.posture_matters else self.stations.headings
 

@@ -178,8 +178,8 @@ class Roles:
         for j in np.flatnonzero(exceeds(least, limits, self.criteria)):
             unit = f" {self.criteria[j].unit}".removesuffix(" 1")
             raise OptionError(
-                f"epsilon bounds {names[j]} by {limits[j]:g}{unit}, but no trajectory from start to goal has less than "
-                f"{least[j]:.6g}{unit}; give a larger bound"
+                f"epsilon bounds {names[j]} by {limits[j]:g}{unit}, but every trajectory from start to goal has at "
+                f"least {least[j]:.6g}{unit}, and even the best may have more; give a larger bound"
             )
         return limits
 
