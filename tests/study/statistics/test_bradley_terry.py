@@ -160,7 +160,7 @@ def test_ties_alone_give_no_finite_strengths_to_who_never_lost():
 
 
 def test_errors_of_people_need_two():
-    with pytest.raises(StudyError, match="two people or more, got 1"):
+    with pytest.raises(StudyError, match="two or more different people; got 2 names of 1 people"):
         bradley_terry([0, 0], [1, 1], [0, 1], stimuli=2, people=["p01", "p01"])
 
 
