@@ -118,7 +118,7 @@ class Replanner:
             return found
         out = led_out(self._without_time(now) if now.moving else self.graph(now), problem, now, commit, self.objectives)
         if out is None:
-            return found._replace(candidates=held(found.candidates, problem.model))
+            return found._replace(candidates=held(found.candidates, problem.model, now, commit))
         return ReplanResult(out, math.inf, found.labels, described(out.trajectories) if now.moving else None)
 
     def _search_on_clock(

@@ -167,10 +167,15 @@ def _meets(trajectory: Trajectory, now: DriveSurroundings, commit: Commit) -> bo
     return any(first_contact(parts, people, motion, least, begin=begin) is not None for motion, least in cases)
 
 
-def held(found: Candidates, model: Model) -> Candidates:
-    """Return the result ``found``, which is empty, with a note that people who touch the robot leave it no way out."""
-    words = "ahead free it, and its model does not reverse (if the robot may, set reverses: true)"
-    words = "ahead or back free it" if cast("PlanarModel", model).reverses else words
+def held(found: Candidates, model: Model, now: DriveSurroundings, commit: Commit) -> Candidates:
+    """Return the result ``found``, which is empty, with a note why people who touch the robot leave it no way out."""
+    robot, words = cast("PlanarModel", model), "ahead free it, and its model does not reverse"
+    if robot.reverses:
+        words = "ahead or back free it"
+    elif any(True for _ in ways_out(robot, now.bare, now.closed, commit.state, reverses=True)):
+        words += ": moves back would (if the robot may, set reverses: true)"
+    elif not robot.speed_classes:  # of which no ways out are searched
+        words += ", but moves back would not free it either"
     note = f"people who touch the robot hold it: neither turns nor moves {words}"
     return replace(found, notes=(*found.notes, note))
 
@@ -191,7 +196,9 @@ def _words(way: Trajectory) -> str:
     )
 
 
-def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here: States) -> Iterator[Trajectory]:
+def ways_out(
+    model: PlanarModel, world: World, closings: Sequence[Closing], here: States, *, reverses: bool = False
+) -> Iterator[Trajectory]:
     """Yield a few trajectories from a state (1,) to states clear of people, by number of motions.
 
     They end where the robot may turn without touching a person; after these, one ends with the most room. At most 12
@@ -199,6 +206,7 @@ def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here
 
     world     the bare world, without people
     closings  closed areas, among them the bodies of people
+    reverses  whether the robot reverses even if its model does not
     """
     reach, place = reach_of(model), shapely.Point(float(here.x[0]), float(here.y[0]))
     near = [each for each in closings if each.area.distance(place) <= reach + NEAR]
@@ -214,10 +222,12 @@ def ways_out(model: PlanarModel, world: World, closings: Sequence[Closing], here
             walls.motions_free(motions).all() for _, motions in way.batches(world)
         )
 
-    yield from filter(is_free, islice(_searched(model, contacts, here), MOST_TRIED))
+    yield from filter(
+        is_free, islice(_searched(model, contacts, here, reverses=reverses or model.reverses), MOST_TRIED)
+    )
 
 
-def _searched(model: PlanarModel, contacts: _Contacts, here: States) -> Iterator[Trajectory]:
+def _searched(model: PlanarModel, contacts: _Contacts, here: States, *, reverses: bool) -> Iterator[Trajectory]:
     """Yield trajectories out of contact: first those after which the robot may turn, then one with the most room."""
     own = np.stack([here.x, here.y, here.yaw], axis=1)
     reached = _Reached(own, np.array([-1]), np.array([False]))
@@ -226,7 +236,7 @@ def _searched(model: PlanarModel, contacts: _Contacts, here: States) -> Iterator
         begin = len(reached.rows)
         for moves in (True, False):
             rows = frontier if number == 0 else frontier[reached.moves[frontier] != moves]
-            for sign in (1.0, -1.0) if model.reverses or not moves else (1.0,):
+            for sign in (1.0, -1.0) if reverses or not moves else (1.0,):
                 _extend(contacts, reached, rows, sign, seen, moves=moves)
         fresh = np.arange(begin, len(reached.rows))
         if not fresh.size or len(reached.rows) > ENOUGH:

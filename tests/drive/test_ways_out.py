@@ -76,7 +76,15 @@ def test_a_box_that_may_not_drive_back_is_held_and_this_is_said():
     _, options = asked(AHEAD, reverses=False)
     assert not len(options)
     assert options.status is Status.NO_PATH
-    assert any("its model does not reverse (if the robot may, set reverses: true)" in n for n in options.front.notes)
+    assert any("moves back would (if the robot may, set reverses: true)" in note for note in options.front.notes)
+
+
+def test_of_a_box_that_people_enclose_it_is_said_that_moves_back_do_not_free_it_either():
+    behind = Person(2.4, 2.0, name="Bob")
+    for reverses, words in ((False, "but moves back would not free it either"), (True, "ahead or back free it")):
+        _, options = asked(AHEAD, behind, reverses=reverses)
+        assert not len(options)
+        assert any(words in note for note in options.front.notes)
 
 
 def test_a_person_who_touches_a_corner_by_a_hair_may_be_left_by_a_turn():
