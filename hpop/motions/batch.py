@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property, partial, reduce
 from itertools import chain, islice
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
@@ -15,7 +15,7 @@ from hpop.base.arrays import Column, FloatArray, IntArray
 from hpop.base.math import is_symbolic
 from hpop.base.options import whole
 from hpop.motions.bodies import Body, Instants, Rate, first_derivative, second_derivative, standing
-from hpop.motions.flags import ASKED, Flags, flag_integrals
+from hpop.motions.flags import FlagsOf, flag_integrals, flags_within, share_of
 from hpop.motions.laws import Law, Phase, is_curve, slopes, stands
 from hpop.motions.model import Model
 from hpop.motions.quadrature import (
@@ -40,9 +40,6 @@ MOST_PIECES = 100_000  # most pieces into which `moments` cuts a phase
 SYMBOLIC_PANELS = 3  # panels (quadrature intervals) of a phase on CasADi symbols, unless the batch sets another number
 
 GAUSS_NODES = np.array([0.5 - 0.5 / np.sqrt(3.0), 0.5 + 0.5 / np.sqrt(3.0)])  # two nodes on [0, 1]
-
-FlagsOf = Callable[[Instants, Flags], None]
-"""Function that computes flags (N, K) at moments within motions, where they are 2."""
 
 
 class _Probe(NamedTuple):
@@ -168,28 +165,14 @@ class Motions:
     def integrate_flags(self, flags: FlagsOf, count: int) -> Column:
         """Return the time integral (M,) of the share of ``count`` flags that are set along each motion.
 
-        flags  function of :class:`Instants` and values (N, count): writes 0 or 1 to values that are 2, and reads states
-               only, not the time
-
         Laws whose ``quadrature`` is "adaptive" use the rule of :mod:`hpop.motions.flags`, which computes a flag again
         only near its changes, once for a motion and its reverse (:attr:`twins`). Others use :meth:`integrate`.
         """
         if not self._adaptive:
-
-            def share(s: Instants) -> FloatArray:
-                values = np.full((s.state.size, count), ASKED, np.int8)
-                flags(s, values)
-                return np.asarray(values.mean(axis=1))
-
-            return self.integrate(share, jumps=True)
+            return self.integrate(share_of(flags, count), jumps=True)
         whole, some = self._whole
-        found = flag_integrals(
-            lambda u, owner, values: flags(self._instants(whole, u, owner), values),
-            elapsed_time(self.phases),
-            some,
-            self._turned,
-            count,
-        )
+        flags_at = flags_within(flags, partial(self._instants, whole))
+        found = flag_integrals(flags_at, elapsed_time(self.phases), some, self._turned, count)
         return found[self.twins]
 
     def worst(self, rate: Rate, *, detail: float | None = None) -> Column:

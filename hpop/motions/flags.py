@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray, numbered
+from hpop.motions.bodies import Instants
 from hpop.runtime import limits
 
 ASKED = 2  # value of a flag that is to be computed
@@ -29,11 +30,30 @@ FEW = 32  # fewer flags of a place do not let more places be kept together: pose
 Flags = NDArray[np.int8]
 """Flags (N, K) at N places: 0, 1 or ASKED."""
 
+FlagsOf = Callable[[Instants, Flags], None]
+"""Function that takes moments within motions, and flags, which it computes where ASKED; it reads no times."""
+
 FlagsAt = Callable[[FloatArray, IntArray, Flags], None]
 """Function that takes shares of motions (N,), indices of motions (N,), and flags, which it computes where ASKED."""
 
 TimeAt = Callable[[FloatArray, IntArray], FloatArray]
 """Function that returns the time (N,), s, after which shares (N,) of motions, with their indices (N,), are done."""
+
+
+def share_of(flags: FlagsOf, count: int) -> Callable[[Instants], FloatArray]:
+    """Return a rate: the share (N,) of ``count`` flags that are set."""
+
+    def share(s: Instants) -> FloatArray:
+        values: Flags = np.full((s.state.size, count), ASKED, np.int8)
+        flags(s, values)
+        return np.asarray(values.mean(axis=1))
+
+    return share
+
+
+def flags_within(flags: FlagsOf, instants: Callable[[FloatArray, IntArray], Instants]) -> FlagsAt:
+    """Return flags as a function of shares of motions; ``instants`` takes shares (N,) and indices of motions (N,)."""
+    return lambda share, owner, values: flags(instants(share, owner), values)
 
 
 def flag_integrals(flags_at: FlagsAt, time_at: TimeAt, motions: IntArray, turned: FloatArray, count: int) -> FloatArray:

@@ -153,14 +153,16 @@ def in_bundle(rounds: FloatArray, o: tuple[float, ...], cone: tuple[float, ...],
     """Keep the first ``count`` bodies in ``found`` only if their bounding ball meets a cone; return the new count."""
     if cone[3] > math.pi:
         return count
+    sine, cosine = math.sin(cone[3]), math.cos(cone[3])
     kept = 0
     for i in range(count):
         b = found[i]
         dx, dy, dz = rounds[b, 0] - o[0], rounds[b, 1] - o[1], rounds[b, 2] - o[2]
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
-        if distance > rounds[b, 7]:
-            off = math.acos(max(-1.0, min(1.0, (cone[0] * dx + cone[1] * dy + cone[2] * dz) / distance)))
-            if off > cone[3] + math.asin(rounds[b, 7] / distance):
+        square, radius = dx * dx + dy * dy + dz * dz, rounds[b, 7]
+        if square > radius * radius:  # compare cosines of angles: at the centre of the ball, and at its edge
+            edge = math.sqrt(square - radius * radius)
+            along = cone[0] * dx + cone[1] * dy + cone[2] * dz
+            if cosine * radius + sine * edge > 0.0 and along < cosine * edge - sine * radius:
                 continue
         found[kept] = b
         kept += 1

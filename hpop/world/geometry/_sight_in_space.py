@@ -123,6 +123,7 @@ def _cut(
     axis: tuple[float, ...],
     sine: float,
     gaps: FloatArray,
+    outline: IntArray,
     sorted_: FloatArray,
     room: int,
 ) -> int:
@@ -132,18 +133,20 @@ def _cut(
     the hull. The outline consists of the edges between a face that faces the point and a face that does not; rays that
     enter the hull are on the inner side of all planes through them. See `Surfaces` for sides and corners.
 
-    columns      planes (4, P); the hull has numbers ``first`` to ``last``
-    begin, end   numbers of its edges
-    gaps         scratch
+    columns        planes (4, P); the hull has numbers ``first`` to ``last``
+    begin, end     numbers of its edges
+    gaps, outline  scratch memory
     """
     for k in range(last - first):
         gaps[k] = columns[3, first + k] - columns[0, first + k] * o[0] - columns[1, first + k] * o[1]
         gaps[k] -= columns[2, first + k] * o[2]
+    count = 0
+    for e in range(begin, end):  # without branches, which the processor would guess wrongly
+        outline[count] = e
+        count += (gaps[sides[e, 0]] < 0.0) != (gaps[sides[e, 1]] < 0.0)
     is_clear = False
-    for e in range(begin, end):
+    for e in outline[:count]:
         i, j = sides[e, 0], sides[e, 1]
-        if (gaps[i] < 0.0) == (gaps[j] < 0.0):
-            continue
         is_clear |= min(gaps[i], gaps[j]) < -2.0 * TOUCH
         ax, ay, az = corners[e, 0] - o[0], corners[e, 1] - o[1], corners[e, 2] - o[2]
         bx, by, bz = corners[e, 3] - o[0], corners[e, 4] - o[1], corners[e, 5] - o[2]
@@ -186,7 +189,7 @@ def blocked(
     for b in range(count):
         most = max(most, begin[b + 1] - begin[b])
     faces, gaps = np.empty((len(planes) + len(sides), 4)), np.empty(most)
-    columns = np.ascontiguousarray(planes.T)
+    columns, outline = np.ascontiguousarray(planes.T), np.empty(len(sides) + 1, np.int64)
     lists, form = np.empty((count, 3), np.int64), np.empty(count, np.int64)
     for b in range(fixed):
         balls[b] = rounds[b]
@@ -234,7 +237,20 @@ def blocked(
                         until, to = (first + 2 * BOX, edge + EDGES) if part == 0 else (begin[b + 1], first_edge[b + 1])
                         if part == 0 or until > first:
                             last = _cut(
-                                columns, first, until, sides, corners, edge, to, here, along, sine, gaps, faces, room
+                                columns,
+                                first,
+                                until,
+                                sides,
+                                corners,
+                                edge,
+                                to,
+                                here,
+                                along,
+                                sine,
+                                gaps,
+                                outline,
+                                faces,
+                                room,
                             )
                         first, edge = until, to
                         if last == NONE:
