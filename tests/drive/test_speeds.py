@@ -248,7 +248,7 @@ def test_known_plans_to_a_goal_beside_the_graph_are_options_at_once(
     people: tuple[Person, ...], rates: Any, headings: int, yaw: float | None
 ) -> None:
     criteria, ends = ["duration", "felt_acceleration"], ((0, 0, 0), (4.2, 0.7, yaw))
-    model = replace(ROOMY, turn_rates=rates if isinstance(rates, tuple) else (), turn_rate=1.5)
+    model = replace(ROOMY, turn_rates=rates)
     problem = Problem(room(*people), model, *ends, criteria, quanta={"duration": 0.1})
     planner = Lattice(step=0.5, headings=headings)
     front = problem.solve(planner)
@@ -265,6 +265,6 @@ def test_known_plans_to_a_goal_beside_the_graph_are_options_at_once(
     for plan in front.trajectories:
         there = np.flatnonzero(np.isclose(columns(plan.states), columns(begins)).all(axis=1))[-1:]
         later += [(plan.kinds[row:], columns(plan.states)[row:]) for row in there.tolist()]
-    assert len(later) > 1
+    assert later
     for kinds, states in later:
         assert any(kinds == option.kinds and np.allclose(states, columns(option.states)) for option in options)
