@@ -28,7 +28,7 @@ from hpop.world.content.people import WIDEST, Person
 from hpop.world.files import file_source, named
 from hpop.world.geometry.shapes import Obstacle, check_heights
 from hpop.world.ground import Ground, Heights
-from hpop.world.readers.road_file import Lane, RoadFile, RoadState, Shape, polygons_of
+from hpop.world.readers.road_file import SAME, Lane, RoadFile, RoadState, Shape, polygons_of
 from hpop.world.tracks import Track
 from hpop.world.world import World
 
@@ -210,9 +210,14 @@ def _vehicle(
     times, x, y, yaw = times[fresh], x[fresh], y[fresh], yaw[fresh]
     if len(times) < 2:
         raise file.error(f"the states of {what} must have two or more different times; correct their steps")
-    if np.isnan(yaw).any():
-        ahead = np.unwrap(np.arctan2(np.gradient(y), np.gradient(x)))
+    if np.isnan(yaw).any():  # it faces where it goes; at rest, where it faced before
+        right, up = np.gradient(x), np.gradient(y)
+        ahead = np.where(np.hypot(right, up) > SAME, np.arctan2(up, right), np.nan)
         yaw = np.where(np.isnan(yaw), ahead, yaw)
+        stated = np.flatnonzero(~np.isnan(yaw))
+        if not stated.size:
+            raise file.error(f"{what} neither moves nor has an orientation; add its <orientation>")
+        yaw = yaw[stated[np.maximum(np.searchsorted(stated, np.arange(yaw.size), side="right") - 1, 0)]]
     people, most = [], float(swing.max())
     for fine in FINER:
         discs = [
