@@ -137,7 +137,7 @@ class Occlusion(Targeted):
     Source: the occlusion objective of Rakita, Mutlu and Gleicher (RSS 2019).
 
     Accuracy: the share jumps as each ray becomes blocked or free, and the time of a jump is found to about a hundredth
-    of the motion's duration. In 32,000 motions of an arm, the error was below 0.25 % of the cost on average, at
+    of the motion's duration. In 40,000 motions of an arm, the error was below 0.25 % of the cost on average, at
     most 0.011 s in 99 % of the motions, and at most 0.09 s. The largest errors come from rays that change twice while
     the arm turns by less than 0.25 rad. `hpop check` reports the jumps. Programs on CasADi symbols, such as those of
     splines, cannot use this criterion.
