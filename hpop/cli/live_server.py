@@ -124,7 +124,12 @@ class LiveFront:
 
 
 def server_of(listening: socket.socket, token: str, shown: LiveFront) -> PageServer:
-    """Return a server, on a listening socket, of the page with the current front and of the page's events."""
+    """Return a server of the page with the current front, and of a stream of events that sends the page new fronts.
+
+    listening  socket on which the server listens
+    token      secret first part of the path in the page's address
+    shown      the front
+    """
     waiting = ThreadPoolExecutor(CONNECTIONS)  # each open page waits for the next front in a thread
 
     def page(request: Request) -> Response:

@@ -373,7 +373,7 @@ class DriveGraph:
         return query.where
 
     def unreachable(self, node: int) -> tuple[str, ...]:
-        """Return the names of a tour's stops that must be visited but cannot be reached from a node; none here."""
+        """Return the names of stops that must be visited but cannot be reached from a node: (), as there is no tour."""
         return ()
 
     def closed_in(self, node: int) -> str:

@@ -362,8 +362,9 @@ class CameraAt(PoseAt):
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
     approach                 straight approach over the last metres: {"distance": 0.1, "axis": (1, 0, 0)} moves it along
-                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. ``tolerance``, m
-                             (0.002), and ``angle``, rad (2 degrees), say how far it may stray from the line and turn
+                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. Two more keys:
+                             ``tolerance``, how far it may stray from the line, 0.002 m by default; ``angle``, rad, how
+                             far it may turn, 2 degrees by default
     """
 
     @property
@@ -384,8 +385,9 @@ class ToolAt(PoseAt):
     position_tolerance  m    largest error of the position
     angle_tolerance     rad  largest error of the orientation
     approach                 straight approach over the last metres: {"distance": 0.1, "axis": (1, 0, 0)} moves it along
-                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. ``tolerance``, m
-                             (0.002), and ``angle``, rad (2 degrees), say how far it may stray from the line and turn
+                             its own x axis, {"distance": 0.1, "direction": (0, 0, -1)} down. Two more keys:
+                             ``tolerance``, how far it may stray from the line, 0.002 m by default; ``angle``, rad, how
+                             far it may turn, 2 degrees by default
     body                     name of the body in the model
     """
 

@@ -230,7 +230,7 @@ class Region(GoalDefaults, ABC):
 
     @property
     def tolerances(self) -> tuple[float, float]:
-        """Distance beyond the bounds at which a state still reaches the goal, m and rad."""
+        """Largest distances outside the bounds at which the goal is still reached: of lengths, m, and angles, rad."""
         return REACHED, REACHED
 
     @abstractmethod

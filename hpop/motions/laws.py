@@ -236,8 +236,8 @@ class Leg(NamedTuple):
 class Hold(LawDefaults):
     """Law of a hold: the robot stands still, and only the state ``clock`` changes.
 
-    The difference of the clock, s, is the duration of the hold, as it is for curves. Motions of other laws may have a
-    clock column, but ignore it.
+    The difference of the clock between end and start, s, is the duration of the hold. Curves use their clock in the
+    same way. The states of other motions may have a clock, too, but their laws do not use it.
     """
 
     kind: str = "hold"

@@ -210,7 +210,7 @@ class RRT:
 
     runs            number of trees, each with its own random numbers (the paper: 1000)
     seed            seed of the random numbers; in Python also `rng`: a seed, a Generator that draws one, or None for a
-                    fresh one (SPEC 7)
+                    fresh one (SPEC 7 of Scientific Python)
     keep            "selected": only the run with the fewest sign changes, the shortest among equals; "all": all runs
                     that reach the goal, from which the front keeps the best
     max_extensions  number of attempts to extend a tree, after which its run gives up

@@ -278,7 +278,7 @@ class FutureEntry(_Strict):
 
 
 class PersonEntry(Prediction):
-    """Person, m and m/s, who stands, walks at a velocity, or has several futures.
+    """Person at ``x``, ``y``, m, who stands, walks at a velocity, m/s, or has several futures.
 
     The yaw is in rad or text such as "90 deg"; by default along the velocity.
     """
@@ -292,14 +292,14 @@ class PersonEntry(Prediction):
 
 
 class WaypointsEntry(Prediction):
-    """Person who is predicted to walk through waypoints."""
+    """Person with ``waypoints``, through which the person is predicted to walk."""
 
     waypoints: list[Waypoint] = Field(min_length=2)  # [t s, x m, y m] each, times rising; 0 s is now
     name: str = ""  # in messages and pictures
 
 
 class TrackEntry(Prediction):
-    """People with recorded tracks in a file, all of them or some; each is named by its id."""
+    """People with recorded tracks in a file, ``track``: all of them or some; each is named by its id."""
 
     track: str  # file, relative to the scenario: CSV (id, t or frame, x, y), PeTrack, obsmat.txt or JuPedSim
     frame_rate: float | None = Field(default=None, gt=0)  # frames per second, if the file does not state it
@@ -373,10 +373,14 @@ TwoStops = Annotated[list[int | str], Field(min_length=2, max_length=2)]
 
 
 class TourSection(_Strict):
-    """Stops to visit on the way to the goal."""
+    """Stops to visit on the way to the goal.
 
-    order: Literal["given", "any"] | list[TwoStops] | None = None  # given: as listed, the default; or pairs, like some
-    some: list[TwoStops] | None = None  # pairs of stops, by name (or index from 0), that keep their order
+    order  given: as listed, the default; any: in any order; or a list of pairs, with the meaning of some
+    some   instead of order: pairs of stops, by name (or index from 0), the first to be visited before the second
+    """
+
+    order: Literal["given", "any"] | list[TwoStops] | None = None
+    some: list[TwoStops] | None = None
     stops: list[Entry] = Field(min_length=1)  # discs of positions, goals or landmarks
 
 

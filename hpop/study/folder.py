@@ -317,7 +317,7 @@ def _files(folder: Path) -> Iterator[Path]:
 
 
 def _files_of(folder: Path, participant: str) -> Iterator[Path]:
-    """Yield the files of a participant: those whose names begin with the id, and answer files that contain the id."""
+    """Yield the files of a participant: their names begin with the id, or they are answers with the id in the text."""
     called = re.compile(rf"\.?{participant}(?![0-9])")
     says = re.compile(rf'"participant"\s*:\s*"{participant}"'.encode())
     for path in _files(folder):

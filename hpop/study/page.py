@@ -291,10 +291,10 @@ class Rides(NamedTuple):
 
 
 def rides_of(public: Mapping[str, Any], folder: Path) -> Rides:
-    """Read the stimulus pages in a study's folder; a video need not have one.
+    """Read the pages of a study's stimuli from its folder; a stimulus that is a video may be without a page.
 
-    Raises StudyError for a file that is missing, is not a stimulus of hpop, has another letter, or was made by another
-    version of hpop than the others.
+    Raises StudyError if the page of another stimulus is missing, or if a page was not written by hpop, was written for
+    a stimulus with another letter, or was made by another version of hpop than the others.
     """
     found: dict[str, Ride] = {}
     for place in public["places"]:

@@ -148,8 +148,9 @@ def samples_of(values: Iterable[Mapping[str, Any]]) -> FloatArray:
 def check_watched(session: Session, design: Design) -> None:
     """Raise StudyError if the last event is an answer about a video of which too little was watched.
 
-    Either the page played the protocol's share of the video. Or the participant reported that another player ended, and
-    at least that share of its duration, less 1 s, had passed.
+    Enough was watched if the page played the protocol's share of the video. If another player showed it, the
+    participant reports when the video begins and ends: the time between must be at least that share of the video's
+    duration, less 1 s.
     """
     last, least = session.events[-1], design.protocol.watched
     letter = last.condition

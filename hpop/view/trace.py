@@ -138,7 +138,7 @@ class CameraRates(NamedTuple):
 
 
 def camera_rates(trajectory: Trajectory, times: FloatArray) -> CameraRates:
-    """Compute the camera's speed, yaw rate and total rate of rotation at times (N,), s."""
+    """Compute the camera's speed, m/s, and yaw rate and total rate of rotation, rad/s, at times (N,), s."""
     rates, _ = trajectory.rates(times)
     twist = trajectory.model.twist("camera", trajectory.at(times), rates)
     columns = (norm(twist.velocity), twist.rotation[2], norm(twist.rotation))

@@ -78,9 +78,11 @@ class OrientationRetention(_RoundTurns):
 class NetMisalignment(_RoundTurns):
     """Error of the viewer's idea of the heading at the end of the trajectory: |wrap(Σ_k e_k)|.
 
-    e_k is as in :class:`OrientationRetention`, except that consecutive motions that turn the camera, to either side,
-    count as one turn, which a motion without rotation ends. Errors of opposite sign cancel. Unit rad; a criterion of
-    the whole trajectory, so graph searches report it but cannot minimise it.
+    The viewer remembers turn k of the camera, θ_k, as the nearest multiple of the option ``multiple``; e_k is θ_k minus
+    this multiple. Motions that turn the camera, one directly after another, are one turn: θ_k is the sum of their
+    rotations, those to the left positive, those to the right negative. A motion without rotation ends the turn. Errors
+    of opposite sign cancel. Unit rad; a criterion of the whole trajectory, so graph searches report it but cannot
+    minimise it.
     """
 
     def cost(self, m: History) -> Column:

@@ -225,7 +225,7 @@ class ClothoidGeometry(SteeredGeometry):
 
 
 class Cruise(SteeredGeometry):
-    """Timing of planned motions: the whole length at cruise speed; a base class."""
+    """Base class of planned laws: motions go at cruise speed from end to end, as if speeding up took no time."""
 
     speed: float
     reverse_speed: float

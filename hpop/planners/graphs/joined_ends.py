@@ -387,7 +387,8 @@ class JoinedEnds(WrappedGraph):
     def what_separates(self, start: int, goals: list[int]) -> str:
         """Return the reason, as text for an error, why no path leads from the start to the goals.
 
-        The search for it begins at states to which start and goals are connected.
+        The inner graph finds the reason, between a state to which the start is connected and the states to which goals
+        are connected.
         """
         return self.inner.what_separates(self.inside([start])[0], self.inside(goals))
 

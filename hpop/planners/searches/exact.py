@@ -41,12 +41,13 @@ class ExactSearch:
     """Base class of planners with exact search: the options of the search, and ``solve`` on the planner's graph family.
 
     max_detour   minimise a mean over time itself, not its integral, among paths that last at most this multiple of the
-                 least duration of any path; ``{"length": 1.3}`` limits the length instead, and also needs max_turns
+                 least duration of any path. ``{"length": 1.3}`` limits the length instead, and needs max_turns as well,
+                 since turns in place add no length
     max_turns    largest number of turns; paths with more are left out. Needs the criterion turns
     eps          relative error: every optimal cost vector is met within a factor 1 + eps; 0 finds all optimal vectors
     tolerance    absolute errors that are allowed as well, by the name of a cost: ``{"length": 0.1}``
-    stop_states  largest number of states of each stop at which tours may visit it. None: all states for at most 64 sets
-                 of visited stops (six stops in any order), otherwise one state
+    stop_states  largest number of states at which a tour may visit a stop. None: all states of the stop, or only one if
+                 the order leaves more than 64 sets of visited stops (six stops in any order have 64)
     time_limit   s  for reading the map, building the graph and searching, without compiling. When it ends, the paths
                  found are returned, and the status says that more may exist
     max_labels   largest number of partial paths that the search generates

@@ -259,7 +259,7 @@ class TimedJointBounds:
 
     @property
     def arrays(self) -> list[NDArray[Any]]:
-        """Arrays of all tables."""
+        """All arrays that the tables of joint bounds hold, so that a search can count its memory."""
         return [array for sweep in self.sweeps for array in sweep if isinstance(array, np.ndarray)]
 
     def _memory(self, layout: Layout) -> int:

@@ -65,7 +65,10 @@ def millimetres(points: FloatArray, origin: tuple[float, float]) -> IntArray:
 
 
 def corners(trajectories: Sequence[Trajectory], origin: tuple[float, float]) -> PathCorners:
-    """Return the corners of the camera paths of some trajectories of one model; the list may be empty."""
+    """Return the corners of the camera paths of trajectories of one model, in mm from ``origin`` (x, y), m.
+
+    There may be no trajectories.
+    """
     if not len(trajectories):
         nothing = np.zeros(0, dtype=np.int64)
         return PathCorners(nothing.reshape(0, 2), nothing, nothing, (np.inf, -np.inf))

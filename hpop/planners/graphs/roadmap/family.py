@@ -242,13 +242,15 @@ class RoadmapGraph(GraphFamily):
     samples     number of random free positions or configurations; for two_arms, up to half are views of the tool
     neighbours  number of nearest samples to which each sample is linked; None: ceil(2e log n) for n nodes in the plane,
                 as in PRM*, and 8 for other robots
-    far         number of farther samples to which each sample is linked as well: each is the nearest one in a random
-                subset of all samples, of random size; None: 0 in the plane, and 8 for other robots
-    trees       number of pairs of random trees that look for paths, called guides, before samples are drawn
-                (:mod:`.guides`): three of ten samples then lie near guides, the others where a path through them is at
-                most 1.6 times as long as the shortest guide; None: 0 in the plane, and 10 for other robots
+    far         number of further links from each sample to samples farther away. Each link leads to the nearest sample
+                of a random subset; the smaller the subset, the longer the link. None: 0 in the plane, and 8 for other
+                robots
+    trees       number of pairs of random trees that look for paths, called guides, before samples are drawn. Three of
+                ten samples then lie near guides. The others lie where the straight line from the start and the one on
+                to a goal are together at most 1.6 times as long as the shortest guide. None: 0 in the plane, and 10 for
+                other robots
     seed        seed of the random samples; in Python also `rng`: a seed, a Generator that draws one, or None for a
-                fresh one (SPEC 7)
+                fresh one (SPEC 7 of Scientific Python)
 
     To have a result even after a short time, a planner first searches a smaller graph: the guides alone, if there are
     any; or, for positions with a time limit, smaller roadmaps, each with a quarter of the samples of the next.

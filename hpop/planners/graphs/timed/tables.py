@@ -51,12 +51,12 @@ class ArcTable(NamedTuple):
 
 
 class StandingCosts(NamedTuple):
-    """Costs of standing at places, in quanta.
+    """Costs of standing at P places, in quanta; from tick H on, they no longer change.
 
     tables  for each of k criteria a table (P, H + 1), int64: if it adds up, the cost of standing from tick 0 until
             each tick; if it takes the worst moment, the cost during each tick
-    rates   (P, k)  costs per tick after all people have settled, not rounded
-    pairs   number of costs that were computed, for statistics
+    rates   (P, k)  costs per tick from tick H on, not rounded
+    pairs   number of pairs of a place and a tick for which costs were computed, for statistics
     """
 
     tables: list[IntArray]

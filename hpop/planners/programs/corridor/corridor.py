@@ -80,7 +80,7 @@ class HalfPlanes:
 
     @property
     def polygon(self) -> BaseGeometry:
-        """The polygon as a shapely geometry; a line or point if it has no area."""
+        """The intersection of the half-planes as a shapely polygon; a line or point if it has no area."""
         return shapely.MultiPoint(self.corners).convex_hull
 
     @classmethod

@@ -54,7 +54,8 @@ class EpsilonConstraint:
     step        m  distance between positions of the lattice that gives the warm starts
     headings    number of headings of that lattice: 4, 8 or 16
     minimise    name of the cost to minimise; None: the length, or else the first smooth cost
-    divisions   number of further sets of bounds between the cost of a warm start and the next better cost
+    divisions   number of evenly spaced values to which one bound at a time is tightened, between the cost of a warm
+                start and the next better cost of another one; 0: all bounds are costs of warm starts
     rounds      number of programs for each set of bounds; each begins at the last solution and moves corners by at most
                 1 m. A round is skipped if no corner moved that far in the round before
     epsilon     bounds that hold for all results, by the name of a cost
