@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,7 +29,9 @@ def test_it_writes_the_front_that_python_returns(run: Run, folder: Path, no_pict
     assert "verified" in again.output
 
 
-def test_a_second_call_keeps_the_front_of_the_first(run: Run, folder: Path, no_pictures) -> None:
+def test_a_second_call_keeps_the_front_of_the_first(run: Run, folder: Path, tmp_path: Path, no_pictures) -> None:
+    shutil.copytree(folder.parent, tmp_path / "room", ignore=shutil.ignore_patterns("retimed*"))
+    folder = tmp_path / "room/out"
     run("retime", folder, "--rows", "0", "--points", "2")
     first = (folder / "retimed/front.json").read_bytes()
     result = run("retime", folder, "--rows", "0", "--points", "3")

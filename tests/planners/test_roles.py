@@ -47,7 +47,7 @@ def test_the_bound_on_turns_holds_for_the_criterion_that_counts_them(renamed):
 def test_the_length_is_minimised_unless_said_otherwise_and_bounded_by_the_way_round(renamed):
     roles = Roles.of(renamed.criteria, None, renamed)
     assert roles.criteria[roles.minimise].name == "mileage"
-    with pytest.raises(hpop.errors.OptionError, match=r"has less than 4\.\d+ m"):
+    with pytest.raises(hpop.errors.OptionError, match=r"every trajectory from start to goal has at least 4\.\d+ m"):
         roles.limits({"mileage": 3.1}, renamed)
 
 

@@ -21,7 +21,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 NAME = "hpop_search"
-LEFT_OUT = {"hpop.search.supported.weights"}  # needs scipy; for planners
+LEFT_OUT = {"hpop.search.supported.first_paths"}  # needs scipy; for planners
 BESIDE = "base|errors|frontier|runtime"  # rooms of hpop from which the search takes modules
 PROJECT = """[build-system]
 requires = ["setuptools>=77"]

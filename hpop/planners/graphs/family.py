@@ -28,7 +28,7 @@ from hpop.planners.objectives import Objectives, edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.runtime import limits
 from hpop.runtime.limits import ProgressCallback, Status
-from hpop.search.supported.weights import first_paths
+from hpop.search.supported.first_paths import first_paths
 
 if TYPE_CHECKING:
     from hpop.criteria.base import Criterion

@@ -35,7 +35,7 @@ from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths, supported_paths
 from hpop.search.lazy_paths import Free
 from hpop.search.queries import SearchStats, costs_along
-from hpop.search.supported.weights import first_paths
+from hpop.search.supported.first_paths import first_paths
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import BuiltGraph

@@ -10,7 +10,7 @@ import pytest
 
 from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph
-from hpop.search.supported.weights import first_paths
+from hpop.search.supported.first_paths import first_paths
 
 
 def drawn(seed: int) -> tuple[Graph, list[int]]:

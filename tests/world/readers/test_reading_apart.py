@@ -93,7 +93,9 @@ def test_a_reader_is_found_by_the_ending(tmp_path):
         (tmp_path / inside).touch()
         assert reader_of(tmp_path) == "ros_bag"
         (tmp_path / inside).unlink()
-    with pytest.raises(MapError, match=r"'plan.xyz': no reader .* give reader, one of dxf, geojson, image, .*endings"):
+    with pytest.raises(
+        MapError, match=r"'plan.xyz': no reader .* give reader, one of commonroad, dxf, geojson, image, .*endings"
+    ):
         World.from_file("plan.xyz")
     for path in (3, None, b"\x00"):
         with pytest.raises(MapError):
