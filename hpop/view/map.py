@@ -347,6 +347,6 @@ def draw_frame(axes: Axes, view: View) -> None:
     axes.set_xlabel("x (m)", fontsize=NORMAL)
     axes.set_ylabel("y (m)", fontsize=NORMAL)
     axes.tick_params(labelsize=SMALL)
-    whole_ticks(axes.xaxis, False, most=9)
-    whole_ticks(axes.yaxis, False, most=9)
+    for axis, side in ((axes.xaxis, view.width), (axes.yaxis, view.height)):  # few on a short side: labels need room
+        whole_ticks(axis, False, most=min(9, max(1, int(27 * side / max(view.width, view.height)))))
     draw_scale_bar(axes, view)

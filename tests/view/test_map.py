@@ -368,3 +368,18 @@ def test_each_goal_of_a_set_is_drawn_and_the_legend_says_that_any_will_do(make_p
     assert drawn == [[[9.0, 1.0]], [[9.0, 3.0]], [[1.0, 1.0]]]
     legend = " ".join(text.get_text() for legend in figure.legends for text in legend.get_texts())
     assert "G: goal, any of 3, heading along the arrow, if there is one" in legend
+
+
+@pytest.mark.parametrize("size", [(120.0, 7.0), (7.0, 120.0)])
+def test_labels_of_ticks_do_not_overlap_on_a_long_thin_map(size: tuple[float, float]) -> None:
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, *size))
+    problem = hpop.Problem(world, hpop.DifferentialDrive(), (3, 3, 0), (size[0] - 3, size[1] - 3, None), ["length"])
+    figure = draw_map(problem, problem.solve("lattice", step=1.0))
+    figure.canvas.draw()
+    axes = part(figure, "map")
+    for axis in (axes.xaxis, axes.yaxis):
+        low, high = sorted(axis.get_view_interval())
+        ticks = zip(axis.get_majorticklocs(), axis.get_majorticklabels(), strict=True)
+        boxes = [label.get_window_extent() for at, label in ticks if low <= at <= high]
+        assert not any(box.overlaps(other) for i, box in enumerate(boxes) for other in boxes[i + 1 :])
+        assert boxes
