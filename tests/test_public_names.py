@@ -258,6 +258,7 @@ hpop.world.Ground
 hpop.world.Hull
 hpop.world.MeasuredField
 hpop.world.Person
+hpop.world.PlanningProblem
 hpop.world.Solid
 hpop.world.Sphere
 hpop.world.Track
