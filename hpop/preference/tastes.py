@@ -1,8 +1,9 @@
-"""Tastes that are no weighted sum of the costs, drawn at random, as the other hypothesis of the test of the fit.
+"""Random tastes that are not weighted sums of the costs: the alternative in the test whether a weighted sum fits.
 
-Five kinds of losses are equally frequent, with random weights of the costs: costs count above a threshold only; each
-cost has a most liked value; each cost counts as a step; costs count as powers; the worst weighted cost counts alone
-(Chebyshev). Losses of a person have the range 1 over a front, times a sharpness as in :class:`Prior`.
+The loss of a trajectory says how little a person likes it. Losses of five kinds are equally frequent, with random
+weights of the costs: costs count only above a threshold; each cost has a value that the person likes most; each cost
+counts as a step; costs count as powers; or only the worst weighted cost counts (Chebyshev). Over a front, the losses
+of a person have the range 1, times a sharpness as in :class:`Prior`.
 """
 
 from __future__ import annotations

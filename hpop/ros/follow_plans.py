@@ -1,4 +1,4 @@
-"""Goals of a follower, what it sees around the robot, and planning from there."""
+"""Goals of a follower, the people and map that it sees around the robot, and plans from the robot's place."""
 
 from __future__ import annotations
 

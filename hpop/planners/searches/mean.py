@@ -1,8 +1,8 @@
 """Variants of the exact search: among moving people, and for a mean over time itself, not its integral.
 
-The search is on a clock: it counts time in ticks (:mod:`hpop.planners.graphs.timed`).
+The search among moving people is on a clock: it counts time in ticks (:mod:`hpop.planners.graphs.timed`).
 
-A time-mean is S / T, an integral divided by the duration, so it does not add up along a path. Without a limit, a path
+The search for a mean needs a limit. A time-mean is S / T, an integral divided by the duration, so it does not add up along a path. Without a limit, a path
 could lower it for ever by loops where the cost is low. With an upper limit on T, or on the length and the number of
 turns, the front is finite, and :func:`hpop.search.capped_mean_paths` finds it exactly. This limit is called the cap.
 """
