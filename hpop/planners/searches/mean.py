@@ -2,9 +2,10 @@
 
 The search among moving people is on a clock: it counts time in ticks (:mod:`hpop.planners.graphs.timed`).
 
-The search for a mean needs a limit. A time-mean is S / T, an integral divided by the duration, so it does not add up along a path. Without a limit, a path
-could lower it for ever by loops where the cost is low. With an upper limit on T, or on the length and the number of
-turns, the front is finite, and :func:`hpop.search.capped_mean_paths` finds it exactly. This limit is called the cap.
+The search for a mean needs a limit, called the cap. A time-mean is S / T, an integral divided by the duration, so it
+does not add up along a path. Without a cap, a path could lower it for ever by loops where the cost is low. With an
+upper limit on T, or on the length and the number of turns, the front is finite, and
+:func:`hpop.search.capped_mean_paths` finds it exactly.
 """
 
 from __future__ import annotations
