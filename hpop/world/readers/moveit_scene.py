@@ -251,7 +251,8 @@ def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
         is_same = np.allclose(pose, np.eye(4), atol=1e-12)
         if not is_same and parent in ("", name):
             raise MapError(
-                f"{entry.what} must give frame {shown(name)} in another frame: name that in header: frame_id."
+                f"{entry.what} gives the pose of frame {shown(name)} relative to itself or to no frame; write the "
+                "name of another frame, such as world, in header: frame_id."
             )
         if parent not in ("", name):
             found[name] = parent, pose
