@@ -26,12 +26,14 @@ from hpop.planners.programs.path_coordinates import Coordinates, coordinates_of
 from hpop.planners.programs.speed_profiles import Discomfort, Profiles
 from hpop.planners.programs.stretches import PathStretch, stretches_of
 from hpop.planners.programs.weighted_profiles import WeightedMotion
+from hpop.planners.programs.zone_limits import ZoneLimits
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as evaluated_front
 from hpop.problems.verify import collision_free
 from hpop.runtime.limits import Status
 from hpop.trajectories.trajectory import Trajectory
+from hpop.world import World
 
 MOST_POINTS = 1000
 FACTOR = 20.0  # largest value of `slowest`
@@ -129,9 +131,9 @@ class _Path:
     parts: tuple[PathStretch | float, ...]
 
     @classmethod
-    def of(cls, trajectory: Trajectory) -> _Path:
+    def of(cls, trajectory: Trajectory, world: World) -> _Path:
         run, coordinates = trajectory.execution(), coordinates_of(trajectory.model)
-        return cls(run, coordinates, tuple(stretches_of(run, coordinates)))
+        return cls(run, coordinates, tuple(stretches_of(run, coordinates, ZoneLimits.of(world, run))))
 
     @cached_property
     def stretches(self) -> list[PathStretch]:
@@ -149,6 +151,11 @@ class _Path:
         Speed profiles follow such a path exactly.
         """
         return not any(one.bends.any() for one in self.stretches)
+
+    @cached_property
+    def is_too_fast(self) -> bool:
+        """True if the executed trajectory exceeds limits of speed zones or of the steering rate."""
+        return not all((one.pace <= one.most * (1.0 + EXACT)).all() for one in self.stretches)
 
     def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:
         """Return the trajectory with a speed profile ``b``: the squared speed along the path at all grid positions."""
@@ -186,9 +193,9 @@ def retime(
 ) -> Front:
     """Return the front of speed profiles along the path of a trajectory: duration against a discomfort.
 
-    The path and its holds stay. Each point is the gentlest profile for its duration, by a convex program. With a limit
-    of ``jerk``, and for "felt_msdv", gentler ones may exist. The first one is the fastest. The other criteria of the
-    problem are evaluated and reported.
+    The path and its holds stay. Limits of speed zones are kept. Each point is the gentlest profile for its duration, by
+    a convex program. With a limit of ``jerk``, and for "felt_msdv", gentler ones may exist. The first one is the
+    fastest. The other criteria of the problem are evaluated and reported.
 
     Parameters
     ----------
@@ -229,7 +236,7 @@ def retime(
             "move out of the problem"
         )
     began = time.perf_counter()
-    path = _Path.of(trajectory)
+    path = _Path.of(trajectory, problem.world)
     if not path.stretches:
         raise OptionError("the trajectory does not move, so it has no speed to choose; retime one that moves")
     if jerk is not None and not path.is_straight:
@@ -248,7 +255,7 @@ def retime(
     asked = replace(problem, criteria=(make_criterion("duration"), criterion, *own), quanta=quanta)
     found = _swept(path, profiles, points, slowest)
     faster = path.run.duration < found[0][0].duration * (1.0 - EXACT)  # its curves are not on the grid
-    if jerk is None and faster and not any(True for _ in problem.model.faults(path.run)):
+    if jerk is None and faster and not path.is_too_fast and not any(True for _ in problem.model.faults(path.run)):
         found.insert(0, (path.run, float(trajectory_costs([criterion], [path.run], problem.world)[0, 0])))
     free = np.ones(len(found), bool) if path.is_straight else collision_free(asked, [t for t, _ in found])
     kept = [one for one, is_free in zip(found, free.tolist(), strict=True) if is_free]
@@ -262,7 +269,7 @@ def retime(
         status=Status.COMPLETE,
         certificate=_certificate(profiles, criterion),
         provenance=tuple({"planner": "retime", "discomfort": criterion.name, "jerk": jerk} for _ in kept),
-        notes=_notes(profiles, criterion, len(found) - len(kept)),
+        notes=_notes(path, profiles, criterion, len(found) - len(kept)),
         stats={"planner": "retime", "intervals": int(profiles.steps.size), "seconds": time.perf_counter() - began},
     )
     also = [c for c in problem.criteria if c.name not in names]
@@ -329,9 +336,11 @@ def _certificate(profiles: Profiles, criterion: Criterion) -> str:
     )
 
 
-def _notes(profiles: Profiles, criterion: Criterion, colliding: int) -> tuple[str, ...]:
+def _notes(path: _Path, profiles: Profiles, criterion: Criterion, colliding: int) -> tuple[str, ...]:
     """Return notes on profiles for the user."""
     notes = []
+    if path.is_too_fast:
+        notes.append("the given trajectory is faster than speed zones allow; the profiles keep their limits")
     if profiles.cost(profiles.fastest) < CONSTANT:
         notes.append(f"the path has no {criterion.name} at any speed, so only the fastest profile is left")
     if colliding:

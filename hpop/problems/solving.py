@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 from hpop.base.arguments import checked_arguments
 from hpop.base.registry import GROUPS
 from hpop.base.text import shown, some
-from hpop.criteria.base import Criterion
+from hpop.criteria.base import Criterion, make_criterion
 from hpop.criteria.costs import quanta_statement, trajectory_costs
 from hpop.criteria.visits import all_visits, hidden_targets, missed_weights
 from hpop.errors import NOTE, CriterionError, OptionError, QueryError
@@ -95,6 +95,25 @@ def notes_on_landmarks(world: World, model: Model, start: States, criteria: Iter
         f"obstacles enclose these landmarks, so that they cannot be seen: {some(walled_names)} (in a map image, white "
         "letters on a dark object are free space within an obstacle): move them, or correct the map",
     )
+
+
+def notes_on_speed_zones(problem: Problem, trajectories: Sequence[Trajectory], **parts: Any) -> tuple[str, ...]:
+    """Return a note for the user if trajectories are too fast in speed zones and no criterion of the problem tells.
+
+    parts  further arguments of `trajectory_costs`
+    """
+    world, speeding = problem.world, make_criterion("speeding")
+    if "speed zones" not in world.content.present or "base" not in problem.model.provides or not len(trajectories):
+        return ()
+    if any(criterion.name == speeding.name for criterion in problem.criteria):
+        return ()
+    fast = int((trajectory_costs([speeding], trajectories, world, **parts) > speeding.quantum).sum())
+    share = "each trajectory" if fast == len(trajectories) else f"{fast} of {len(trajectories)} trajectories"
+    said = (
+        f"too fast for speed zones: {share}, because planned speeds do not depend on zones; list the criterion "
+        "speeding to see by how much, or use `hpop retime`, which keeps the limits"
+    )
+    return (said,) if fast else ()
 
 
 def _walled_in(world: World, mark: Landmark, camera: tuple[float, ...]) -> bool:
@@ -227,6 +246,7 @@ def front(problem: Problem, candidates: Candidates, progress: ProgressCallback |
         *problem.model.notes,
         *problem.model.notes_on(trajectories),
         *problem.notes,
+        *notes_on_speed_zones(problem, trajectories, **several),
         *notes_on_goals(problem),
         *notes_on_targets(problem.world, problem.model, problem.target, trajectories),
     ]

@@ -18,6 +18,7 @@ from hpop.errors import OptionError
 from hpop.motions import HOLD, States, is_curve, laws_of
 from hpop.motions.laws import CLOCK
 from hpop.planners.programs.path_coordinates import REST, Coordinates
+from hpop.planners.programs.zone_limits import ZoneLimits, paces
 from hpop.trajectories.trajectory import Trajectory
 
 INTERVAL, FEWEST, MOST = 0.1, 16, 400  # s: length of a grid interval at the input's speed; intervals in each phase
@@ -38,7 +39,7 @@ class PathStretch:
     slopes         (n+1, c)       dq/ds
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
     pace           (n+1,)         ds/dt of the trajectory from which the stretch was made, 0 at both ends
-    most           (n+1,)         largest ds/dt by limits beside those below, such as a steering rate; inf for none
+    most           (n+1,)         largest ds/dt by limits beside those below, such as a steering rate or a zone; inf for none
     middle         (n,)           states in the middles of the intervals
     rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds
@@ -74,7 +75,7 @@ class PathStretch:
         limits = (self.rows, self.speeds, self.accelerations)
         pace = np.concatenate([self.pace, other.pace[1:]])
         pace[self.steps.size] = 0.5 * (pace[self.steps.size - 1] + pace[self.steps.size + 1])
-        most = np.concatenate([self.most, other.most[1:]])
+        most = np.concatenate([self.most[:-1], [min(self.most[-1], other.most[0])], other.most[1:]])
         kinds = self.kinds + other.kinds
         return PathStretch(kinds, steps, States(**joined), slopes, bends, pace, most, States(**middle), *limits)
 
@@ -88,10 +89,13 @@ class PathStretch:
         return float(np.abs(before.slopes[-1] - self.slopes[0]).max()) < PARALLEL * float(np.abs(self.slopes[0]).max())
 
 
-def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch | float]:
+def stretches_of(
+    run: Trajectory, coordinates: Coordinates, zones: ZoneLimits | None = None
+) -> list[PathStretch | float]:
     """Return, in order of time, the stretches of an executed trajectory and, as floats, the seconds of its holds.
 
     coordinates  coordinates of the robot, by which standstills are found and lengths are measured
+    zones        limits of speed zones, whose borders become grid positions; None for none
 
     If ``coordinates.joins``, stretches in one straight direction without a hold between them become one: for example,
     reaches of an arm.
@@ -108,7 +112,7 @@ def stretches_of(run: Trajectory, coordinates: Coordinates) -> list[PathStretch 
         motions.append(i)
         if i + 1 < len(run) and not _stands(run, run.times[i + 1], coordinates) and run.kinds[i + 1] != HOLD.kind:
             continue
-        stretch = _stretch(run, motions, coordinates)
+        stretch = _stretch(run, motions, coordinates, zones)
         motions = []
         before = parts[-1] if parts else None
         if coordinates.joins and isinstance(before, PathStretch) and stretch.continues(before):
@@ -123,9 +127,16 @@ def _stands(run: Trajectory, t: float, coordinates: Coordinates) -> bool:
     return bool(np.abs(coordinates.rates(run.at(t), run.rates(t)[0]) / coordinates.unit).max() < REST)
 
 
-def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> PathStretch:
-    """Return the stretch of some motions, on a grid with the borders of all their phases."""
+def _stretch(
+    run: Trajectory, motions: Sequence[int], coordinates: Coordinates, zones: ZoneLimits | None
+) -> PathStretch:
+    """Return the stretch of some motions, on a grid with the borders of all their phases and of speed zones."""
     times, kinds = _grid(run, motions, coordinates)
+    limits = np.full(len(kinds), np.inf)
+    if zones is not None:
+        phases = times
+        times, limits = zones.on_grid(phases)
+        kinds = tuple(kinds[i] for i in (np.searchsorted(phases, times[:-1], side="right") - 1).tolist())
     middles = 0.5 * (times[1:] + times[:-1])
     states, middle = run.at(times), run.at(middles)
     rates, between = (
@@ -160,6 +171,8 @@ def _stretch(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) 
     slopes, bends = slopes * unit, bends * unit
     faster = within * coordinates.quickening(middle, *run.rates(middles))
     most = np.minimum(np.append(faster, np.inf), np.append(np.inf, faster))
+    if np.isfinite(limits).any():
+        most = np.minimum(most, paces(limits, coordinates.rates_of_states(states, slopes, 0.0 * slopes)[0]))
     return PathStretch(kinds, steps, states, slopes, bends, pace, most, middle, *coordinates.limits(slopes))
 
 
