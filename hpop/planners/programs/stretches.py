@@ -39,7 +39,7 @@ class PathStretch:
     slopes         (n+1, c)       dq/ds
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
     pace           (n+1,)         ds/dt of the trajectory from which the stretch was made, 0 at both ends
-    most           (n+1,)         largest ds/dt by limits beside those below, such as a steering rate or a zone; inf for none
+    most           (n+1,)         largest ds/dt by limits beside those below, such as a steering rate; inf for none
     middle         (n,)           states in the middles of the intervals
     rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds
