@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     from hpop.study import folder as folder
     from hpop.study.analysis import Analysis as Analysis
     from hpop.study.analysis import analyse as analyse
-    from hpop.study.analysis import simulate as simulate
     from hpop.study.answers import Answers as Answers
     from hpop.study.answers import Choice as Choice
     from hpop.study.conditions import Baseline as Baseline
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from hpop.study.participants import Participant as Participant
     from hpop.study.preregister import preregistration as preregistration
     from hpop.study.protocol import Protocol as Protocol
+    from hpop.study.simulated import simulate as simulate
     from hpop.study.statistics import Power as Power
     from hpop.study.statistics import power as power
     from hpop.study.tasks import dwell as dwell

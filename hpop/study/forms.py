@@ -126,6 +126,7 @@ class Score(_Part):
     To what it gives, ``plus`` is added; the result is multiplied by ``times`` and divided by ``out_of``.
 
     subscale  the raw sum of the items in this subscale
+    at_least  with ``subscale``: the number of its items that are answered with this value or more, not their sum
     of        the sum of the raw sums of several subscale scores (the total of the SSQ)
     mean_of   the mean of several scores
     sum_of    the sum of several scores
@@ -136,6 +137,7 @@ class Score(_Part):
 
     name: Name
     subscale: Name | None = None
+    at_least: float | None = None
     of: Names = ()
     mean_of: Names = ()
     sum_of: Names = ()
@@ -153,6 +155,7 @@ class Score(_Part):
         """Check that exactly one source of the score is given."""
         given = [bool(self.subscale), bool(self.of), bool(self.mean_of), bool(self.sum_of)]
         _require(sum(given) == 1, "give exactly one of subscale, of, mean_of, sum_of")
+        _require(self.at_least is None or bool(self.subscale), "at_least counts answers of a subscale; give subscale")
         return self
 
 
@@ -287,8 +290,8 @@ class Form(_Part):
         for score in self.scores:
             later = [part for part in score.parts if part not in before]
             _require(not later, f"score {score.name} needs {', '.join(later)}, which must stand before it")
-            made = [part for part in score.of if before[part].subscale is None]
-            _require(not made, f"score {score.name}: of adds raw sums, and {', '.join(made)} is no subscale's")
+            made = [part for part in score.of if before[part].subscale is None or before[part].at_least is not None]
+            _require(not made, f"score {score.name}: of adds raw sums of subscales, and {', '.join(made)} is none")
             before[score.name] = score
         return self
 
@@ -323,6 +326,8 @@ MOST_PRORATED = 1 / 7
 
 Answers = Mapping[str, float | None]
 """Answers by the id of the item; None, NaN or no entry for a missing answer."""
+Raw = dict[tuple[str | None, float | None], float]
+"""Sums of answers, or numbers of answers that are at least a value, by subscale and that value; None for sums."""
 
 
 @checked_arguments
@@ -341,8 +346,7 @@ def score(form: Form, values: Answers, prorate: bool = False) -> dict[str, float
     {'N': 19.08, 'O': 22.74, 'D': 13.92, 'total': 22.44}
     """
     answered = _checked_answers(form, values)
-    subscales = dict.fromkeys(name for item in form.items for name in item.subscales)
-    raw = {name: _raw(form, name, answered, prorate) for name in subscales}
+    raw: Raw = {(one.subscale, one.at_least): _raw(form, one, answered, prorate) for one in form.scores if one.subscale}
     made: dict[str, float] = {}
     for one in form.scores:
         made[one.name] = round((_sum_of(form, one, raw, made) + one.plus) * one.times / one.out_of, DIGITS)
@@ -374,18 +378,20 @@ def _checked_answers(form: Form, values: Answers) -> dict[str, float]:
     return answered
 
 
-def _raw(form: Form, subscale: str, answered: Mapping[str, float], prorate: bool) -> float:
-    """Return the sum of a subscale's answers; NaN if too many are missing.
+def _raw(form: Form, one: Score, answered: Mapping[str, float], prorate: bool) -> float:
+    """Return the sum of the answers in a score's subscale, or how many are ``at_least``; NaN if too many are missing.
 
     It is scaled up if items do not apply, or are missing and may be prorated.
     """
-    items = [item for item in form.items if subscale in item.subscales]
+    items = [item for item in form.items if one.subscale in item.subscales]
     given = [item for item in items if item.id in answered]
     lacking = len(items) - len(given)
     if lacking > (MOST_PRORATED * len(items) if prorate else 0):
         return nan
     applying = [item for item in given if not form.scale_of(item).is_absent(answered[item.id])]
     counted = [_summand(form, item, answered[item.id]) for item in applying]
+    if one.at_least is not None:
+        counted = [float(value >= one.at_least) for value in counted]
     if not counted:
         return nan
     return sum(counted) if len(counted) == len(items) else sum(counted) * len(items) / len(counted)
@@ -397,15 +403,15 @@ def _summand(form: Form, item: Item, value: float) -> float:
     return scale.low + scale.high - value if item.reverse else value
 
 
-def _sum_of(form: Form, one: Score, raw: Mapping[str, float], made: Mapping[str, float]) -> float:
-    """Return a score before ``plus``, ``times`` and ``out_of``, from the ``raw`` sums by subscale.
+def _sum_of(form: Form, one: Score, raw: Raw, made: Mapping[str, float]) -> float:
+    """Return a score before ``plus``, ``times`` and ``out_of``.
 
-    ``made`` has the scores so far.
+    made  scores so far
     """
     if one.subscale is not None:
-        return raw[one.subscale]
+        return raw[one.subscale, one.at_least]
     if one.of:
         subscales = {score.name: score.subscale for score in form.scores}
-        return sum(raw[str(subscales[part])] for part in one.of)
+        return sum(raw[subscales[part], None] for part in one.of)
     total = sum(made[part] for part in one.parts)
     return total / len(one.mean_of) if one.mean_of else total

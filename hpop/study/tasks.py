@@ -176,6 +176,7 @@ COLUMNS = {
     "pitch": "Degrees upwards; of the head only",
     "measure": "Measure of the last showing of the stimulus",
 }
+VIDEO = "video"
 MEASURES = {
     "rating_mean": "Mean of the ratings that were asked for",
     "rating_max": "Largest of these ratings",
@@ -204,8 +205,9 @@ SCORES = {
     "head": {"head_speed": ""},
     "counting": {"count_error_size": "low", "count_error": ""},
     "reaction": {"reaction_median": "low", "signals_missed": "low", "false_presses": "low"},
+    VIDEO: {"watched": "", "pauses": "", "skips": ""},
 }
-"""Measures of each task that can be analysed, with their better end, "low" or "high"; "" for neither."""
+"""Measures of each task, and of videos, that can be analysed; better end "low" or "high", "" for neither."""
 
 
 class Variable(NamedTuple):
@@ -233,8 +235,9 @@ class Variable(NamedTuple):
 
 
 def task_scores(design: Design) -> dict[str, str]:
-    """Return the measures of a design's tasks that can be analysed, with their better end."""
-    return {name: better for task in design.protocol.options for name, better in SCORES[task].items()}
+    """Return the measures of a design's tasks and videos that can be analysed, with their better end."""
+    videos = [VIDEO] if any(condition.kind == VIDEO for condition in design.conditions) else []
+    return {name: better for task in [*design.protocol.options, *videos] for name, better in SCORES[task].items()}
 
 
 def variable(design: Design, form: str, name: str) -> Variable:
@@ -250,13 +253,14 @@ def variable(design: Design, form: str, name: str) -> Variable:
     known = task_scores(design)
     if not known:
         raise StudyError(
-            "the study has no tasks, so it has no measures of tasks; give a score of a form: "
+            "the study has no tasks and no videos, so it has no measures of them; give a score of a form: "
             f"{', '.join(design.forms)}, or add tasks to the protocol of a new study"
         )
     one_of("measure", name, known, error=StudyError)
     task = next(task for task, names in SCORES.items() if name in names)
-    options = ", ".join(f"{option} {value:g}" for option, value in design.protocol.options[task].items())
-    return Variable(form, name, MEASURES[name], f"Task {task} ({options})", known[name], ("after_each",))
+    options = ", ".join(f"{option} {value:g}" for option, value in design.protocol.options.get(task, {}).items())
+    source = f"Task {task} ({options})" if options else "Videos that the page of the session played"
+    return Variable(form, name, MEASURES[name], source, known[name], ("after_each",))
 
 
 def tables(answers: Answers) -> tuple[Contents, Contents, Contents]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import isnan
 from pathlib import Path
 
 import pytest
@@ -50,6 +51,7 @@ def test_the_forms_that_hpop_brings():
             "preference",
             "ssq",
             "sus",
+            "sus_presence",
             "vrsq",
         ),
     )
@@ -81,6 +83,16 @@ WRONG = {
     "endless steps": ("high: 2, step: 1", "high: 1000000, step: 1", "at most 1,000 steps"),
     "a score of nothing": ("{name: S, subscale: S}", "{name: S, subscale: T}", "no item is in the subscale T"),
     "a score of two things": ("subscale: S}\n", "subscale: S, of: [S]}\n", "give exactly one of subscale"),
+    "a count of something else": (
+        "{name: S, subscale: S}",
+        "{name: S, subscale: S}\n  - {name: T, sum_of: [S], at_least: 1}",
+        "at_least counts answers of a subscale",
+    ),
+    "a sum of counts": (
+        "{name: S, subscale: S}",
+        "{name: S, subscale: S, at_least: 1}\n  - {name: T, of: [S]}",
+        "of adds raw sums of subscales, and S is none",
+    ),
     "a score of a later one": (
         "  - {name: S,",
         "  - {name: T, of: [S]}\n  - {name: S,",
@@ -145,6 +157,15 @@ def test_no_text_for_participants_is_missing_or_left_in_english(language):
     for form in (Form.load(name) for name in shipped() if not Form.load(name).template):
         asked = [form.ask, *(item.text for item in form.items)]
         assert not [text[language] for text in asked if language != "en" and text[language] == text["en"]]
+
+
+def test_the_presence_questionnaire_counts_answers_of_6_or_7():
+    """Usoh et al. 2000 count the answers of 6 or 7; the mean is the other score in use."""
+    presence = Form.load("sus_presence")
+    ids = [item.id for item in presence.items]
+    assert score(presence, dict(zip(ids, [7, 6, 5, 1, 6, 2], strict=True))) == {"mean": 4.5, "high": 3}
+    assert score(presence, dict.fromkeys(ids, 5.0)) == {"mean": 5, "high": 0}
+    assert all(isnan(value) for value in score(presence, dict.fromkeys(ids[1:], 7.0)).values())
 
 
 def test_a_template_has_a_structure_and_is_not_asked(tmp_path):

@@ -307,6 +307,67 @@ def test_markers_reach_an_inlet_at_the_time_of_the_event() -> None:
     assert stamp + inlet.time_correction(timeout=5) == pytest.approx(before - 2.0, abs=0.05)
 
 
+def test_a_simulated_study_with_tasks_and_videos_runs_through_analysis_report_and_dictionary(
+    front: hpop.Front, tmp_path: Path
+) -> None:
+    tasks_of_all = {**TASKS, "reaction": {"least": 2, "most": 3, "wait": 2}}
+    protocol = study.Protocol(rest_s=0, tasks=tasks_of_all)
+    design = study.Design.of(front, [0, 1, 2], participants=6, consent=CONSENT, protocol=protocol, kind="video")
+    made = study.simulate(design, {"A": 0.0, "B": 2.0, "C": 5.0}, seed=1)
+    design.save(tmp_path)
+    for one in made.sessions:
+        events = [event.model_dump(exclude_none=True) for event in one.events]
+        stored = {"schema": "hpop-answers", "version": 1, "design": design.digest, "participant": one.person.id}
+        put(tmp_path, stored | {"device": one.device, "events": events})
+    answers = study.Answers.load(tmp_path)  # each event passes the checks of the server
+    assert answers.faults == ()
+    names = tasks.task_scores(design)
+    assert {"rating_max", "slider_mean", "head_speed", "count_error", "reaction_median", "watched", "pauses"} <= {
+        *names
+    }
+    for name in names:
+        result = study.analyse(design, answers, score=("tasks", name))
+        assert not np.isnan(result.answers.matrix("tasks", name).values).any()
+        assert "SIMULATED" in result.text()
+    rated = answers.matrix("tasks", "rating_last").values.mean(axis=0)
+    assert rated[0] < rated[1] < rated[2]
+    page = study.analyse(design, answers, score=("tasks", "pauses")).save(tmp_path / "report")
+    assert "Number of pauses of the video" in page.read_text()
+    written = {path.name for path in answers.save_tables(tmp_path)}
+    assert {"tasks.csv", "samples.csv", "measures.csv", "wide.csv"} <= written
+    described = json.loads((tmp_path / "wide.json").read_text())
+    assert "tasks_watched_A" in described
+    assert {line.split(",")[3] for line in (tmp_path / "samples.csv").read_text().splitlines()[1:]} == {
+        "slider",
+        "head",
+    }
+
+
+def test_simulated_records_of_tasks_keep_the_schedule_and_leave_the_answers_as_they_were(front: hpop.Front) -> None:
+    design, plain = planned(front), planned(front, {})
+    felt = dict.fromkeys(design.letters, 1.0)
+    made = study.simulate(design, felt, seed=4)
+    assert [row.value for row in made.table] == [row.value for row in study.simulate(plain, felt, seed=4).table]
+    for one in made.sessions:
+        for place, events in tasks.last_showings(one).items():
+            due = design.scheduled(one.person.id, place)["tasks"]
+            for item, task in (("tone", "counting"), ("signal", "reaction"), ("rating", "rating")):
+                assert [event.value["due"] for event in events if event.item == item] == due[task]["times"]
+            head = tasks.samples_of([event.value for event in events if event.item == "head"])
+            lasts = design.condition(one.person.order[place - 1]).duration
+            assert np.diff(head[:, 0]) == pytest.approx(1000 / 30, abs=1)
+            assert head[-1, 0] / 1000 == pytest.approx(lasts, abs=0.05)
+
+
+def test_measures_of_videos_are_scores_of_studies_with_videos(front: hpop.Front) -> None:
+    videos = study.Design.of(front, [0, 1], participants=2, consent=CONSENT, forms=("comfort",), kind="video")
+    assert tasks.task_scores(videos) == {"watched": "", "pauses": "", "skips": ""}
+    assert "tasks.watched" in study.preregistration(videos, score=("comfort", "comfort"))
+    rides = study.Design.of(front, [0, 1], participants=2, consent=CONSENT, forms=("comfort",))
+    with pytest.raises(StudyError, match="no tasks and no videos"):
+        study.analyse(rides, study.simulate(rides, {"A": 0, "B": 0}), score=("tasks", "pauses"))
+
+
 SLOWER = 0.125
 """s by which a reaction is slower during C than during A and B."""
 
@@ -411,7 +472,7 @@ def test_a_report_a_wide_table_and_a_preregistration_name_a_measure(front: hpop.
         (TASKS, "reaction_mean", "measure must be one of rating_mean, .*Did you mean 'reaction_median'"),
         (TASKS, "tones", "measure must be one of"),
         ({"head": {}}, "reaction_median", "measure must be one of head_speed"),
-        ({}, "reaction_median", "the study has no tasks, .*give a score of a form: ssq, "),
+        ({}, "reaction_median", "the study has no tasks and .*give a score of a form: ssq, "),
         (TASKS, "rating_mean", "no participant has all answers for the measure rating_mean"),
     ],
 )
