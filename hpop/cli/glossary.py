@@ -36,8 +36,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
             "status, complete, no path, unfinished, interrupted, time limit, label limit, memory limit, "
             "point limit, run limit",
             """How the search ended. With "complete" and "no path", the planner has found everything that it can find.
-            The other words name what stopped it: a limit that you set, or Ctrl-C. The trajectories found until then are
-            valid. "Unfinished" is a first result while the search goes on.""",
+            "Unfinished" is a first result while the search goes on. The other words name what stopped it: a limit that
+            you set, or Ctrl-C. The trajectories found until then are valid.""",
         ),
         _entry(
             "knee, compromise",
@@ -184,7 +184,8 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry(
             "far, link, links",
             """In a roadmap of configurations, each random state is linked to its nearest neighbours. It is also linked
-            to `far` states that are farther away: each is the nearest one in a random part of all states.""",
+            to `far` states that are farther away, so that long motions are possible too. For each of these, a part of
+            all states is drawn at random, and the nearest state in it is linked.""",
         ),
         _entry(
             "guide, guides",

@@ -180,17 +180,18 @@ class Option(Point):
 @checked_arguments
 @dataclass(frozen=True, eq=False, repr=False)
 class Options(Sequence[Option]):
-    """The front of the remaining plans of a drive, with the present plan if nothing is in its way.
+    """Front of the plans from the commit to the goal; the present plan is one of them if nothing is in its way.
 
-    front     costs from the commit on; worst moments and means cover the whole drive
+    front     the plans with their costs, which count from the commit on; only costs that are maxima or means count
+              from the begin of the drive
     now       s, time of the drive at which options were computed
     commit    the place where the remaining plans begin
-    keep_on   index of the present plan among the options; None if an area or a person is in the plan's way
-    kept      the present plan if it is dominated; it is listed after the points of the front
+    keep_on   index of the present plan among the options; None if a closed area or a person is in its way
+    kept      the present plan if another plan dominates it, else None; it is then the last option, after the front
     status    COMPLETE, NO_PATH, or the limit that stopped the search
     gap       for every missing cost vector, a vector of the front is at most a factor 1 + gap worse
     labels    number of partial paths that the search generated
-    compared  the announced plan, with which options are compared
+    compared  the plan whose path was announced to the viewer; columns such as "leaves at" compare options with it
     unreachable  names of the tour's stops that must still be visited but cannot be reached; there is then no option
     """
 

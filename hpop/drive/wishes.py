@@ -244,8 +244,8 @@ def checked_wish(wish: Any, shares: Mapping[str, Any], names: Sequence[str]) -> 
     match = LESS.fullmatch(wish.strip())
     if match is None:
         raise DriveError(
-            f"a wish must be 'hurry', or 'fewer' or 'less' with a cost ({', '.join(names)}), got {shown(wish)}."
-            f"{did_you_mean(wish, [HURRY, *(f'fewer {name}' for name in names)])}"
+            f"a wish must be 'hurry', or a text such as 'fewer {names[0]}'; got {shown(wish)}. Costs are "
+            f"{', '.join(names)}.{did_you_mean(wish, [HURRY, *(f'fewer {name}' for name in names)])}"
         )
     if limits:
         raise DriveError(

@@ -94,10 +94,10 @@ class JointsAt(GoalDefaults):
     def _inside(
         self, model: Model, space: StateSpace, kept: Region, columns: dict[str, FloatArray]
     ) -> dict[str, FloatArray]:
-        """Return columns of states that are moved, within the limits in ``space``, towards the region ``kept``.
+        """Move states towards those with the orientation that the problem requires, and return their columns.
 
-        There the robot keeps the orientation that it must keep. Some states may still be outside. States that would
-        leave the tolerances of the goal stay as they are.
+        ``kept`` is the region of states with this orientation. States stay within the limits in ``space``. A state that
+        would leave the tolerances of the goal is not moved. Some returned states may still be outside the region.
         """
         sought = InverseKinematics(model, space, kept)
         given = States(**columns)

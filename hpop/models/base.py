@@ -187,7 +187,10 @@ class PlanarModel(Model):
         return (CarriedPose if mount.on else RigidPose)(mount, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return the velocity and angular velocity of a body; ``rates`` are the time derivatives of the states."""
+        """Return the velocity, m/s, and angular velocity, rad/s, of a body (M,) in the frame of the world.
+
+        ``rates`` are the time derivatives of the states.
+        """
         mount = self._mount(body)
         return (CarriedTwist if mount.on else RigidTwist)(mount, states, rates)
 

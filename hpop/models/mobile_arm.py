@@ -336,7 +336,7 @@ class MobileArm(OnBase, Model):
         return rest_to_rest_execution(trajectory, {kind: kind for kind in kinds})
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each fault: of the base, of joints or free speeds beyond limits, of driving unfolded."""
+        """Yield a text for each fault: of the base, of joints or ramps beyond limits, of driving unfolded."""
         yield from self.base.faults(trajectory)
         yield from ramp_faults(trajectory)
         states, count = trajectory.states, max(1, len(trajectory))

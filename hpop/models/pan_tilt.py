@@ -328,7 +328,7 @@ class PanTilt(OnBase, PlanarModel):
         return stations(self.space, yaw)
 
     def faults(self, trajectory: Trajectory) -> Iterator[str]:
-        """Yield a text for each fault: of the base, of free speeds beyond limits, of a pan or tilt beyond a stop."""
+        """Yield a text for each fault: of the base, of ramps beyond limits, of a pan or tilt beyond a stop."""
         yield from self.base.faults(trajectory)
         yield from ramp_faults(trajectory)
         yield from stop_faults(self.space, self.joints, trajectory.states)

@@ -1,4 +1,4 @@
-"""Laws of free speed: motions with constant acceleration along a straight line of states, as parts of speed profiles.
+"""Laws of free speed (ramps): motions with constant acceleration along a straight line of states.
 
 Speed profiles (:func:`hpop.retime`) of bases that carry a head or an arm consist of them. Beside each executed law
 NAME, such a robot has the law NAME_ramp of equal geometry. Its states have one more column, ``pace``: how fast the
@@ -104,7 +104,7 @@ class Ramp(LawDefaults):
 
 @dataclass(frozen=True)
 class RunRamp(Ramp, StraightGeometry):
-    """Straight move of a base with free speed."""
+    """Straight move of a base with a constant acceleration, from the ``pace`` of its start to that of its end."""
 
     speed: float  # m/s
     acceleration: float  # m/s²
@@ -122,7 +122,7 @@ class RunRamp(Ramp, StraightGeometry):
 
 @dataclass(frozen=True)
 class SpinRamp(Ramp, InPlaceGeometry):
-    """Turn in place with free speed."""
+    """Turn in place with a constant angular acceleration, from the ``pace`` of its start to that of its end."""
 
     turn_rate: float  # rad/s
     turn_acceleration: float  # rad/s²
@@ -137,7 +137,7 @@ class SpinRamp(Ramp, InPlaceGeometry):
 
 @dataclass(frozen=True)
 class JointRamp(Ramp, JointMove):
-    """Motion of one joint with free speed, while the base stands."""
+    """Motion of one joint with a constant acceleration, while the base stands."""
 
     @property
     def varies(self) -> frozenset[str]:
@@ -150,7 +150,7 @@ class JointRamp(Ramp, JointMove):
 
 @dataclass(frozen=True)
 class UnwindRamp(Ramp, Unwind):
-    """Turn in place with free speed, during which the head turns back by the same angle."""
+    """Turn in place with a constant angular acceleration, during which the head turns back by the same angle."""
 
     varies = frozenset({"yaw", "pan", PACE})
 
@@ -171,7 +171,7 @@ class UnwindRamp(Ramp, Unwind):
 
 @dataclass(frozen=True)
 class ReachRamp(Ramp, Reach):
-    """Motion of an arm along a straight line in joint space, with free speed."""
+    """Motion of an arm along a straight line in joint space, with accelerations of joints that are constant."""
 
     quadrature = "adaptive"
 
@@ -193,7 +193,7 @@ class ReachRamp(Ramp, Reach):
 
 
 def ramps_of(laws: Mapping[str, Law], change: Law | None = None, speeds: Sequence[float] = ()) -> dict[str, Law]:
-    """Return the laws of free speed that belong to executed laws, by kind; a law that hpop does not know has none.
+    """Return the ramps that belong to executed laws, by kind; a law that hpop does not know has none.
 
     change  law of changes of speed, for a base with several speeds
     speeds  m/s, rising, for such a base
@@ -217,7 +217,7 @@ def ramps_of(laws: Mapping[str, Law], change: Law | None = None, speeds: Sequenc
 
 
 def limits_of(model: Model) -> dict[str, tuple[float, float]]:
-    """Return the largest speed and acceleration of each state that some law of free speed (ramp) changes, by name.
+    """Return the largest speed and acceleration of each state that some ramp changes, by name.
 
     The distance driven counts as a state called "way", in m. A model without ramps gives an empty dict.
     """
@@ -238,7 +238,7 @@ def doubtful_ramps(law: Law, start: States, end: States) -> BoolArray:
 
 
 def ramp_faults(trajectory: Trajectory) -> Iterator[str]:
-    """Yield a text for the first motion of free speed of each kind that is too fast, or speeds up too hard."""
+    """Yield a text for the first ramp of each kind that is too fast, or speeds up too hard."""
     kinds, laws = np.array(trajectory.kinds, dtype=object), laws_of(trajectory.model)
     for kind in dict.fromkeys(trajectory.kinds):
         motions = np.flatnonzero(kinds == kind)

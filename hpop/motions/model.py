@@ -108,7 +108,11 @@ class Model(Protocol):
         """
 
     def connect(self, a: States, b: States) -> list[Leg]:
-        """Return the motions, in order, that lead from states a (M,) to states b (M,); NaN in b means any value."""
+        """Return the motions that lead from each of M states to its partner: from the i-th state of a to the i-th of b.
+
+        Each :class:`.Leg` is one step of all M sequences, in order. A NaN in b leaves that state variable free.
+        Obstacles are not considered.
+        """
 
     def collision(self, world: World) -> Collision:
         """Return the collision test for planning. It must never report a blocked motion as free."""

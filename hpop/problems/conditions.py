@@ -306,8 +306,8 @@ class CostLimit:
             if match is None and wish.strip().lower() != HURRY:
                 near = did_you_mean(wish, [HURRY, *(f"fewer {name}" for name in front.names)])
                 raise OptionError(
-                    f"a wish must be 'hurry', or 'fewer' or 'less' with a cost ({', '.join(front.names)}), or bounds "
-                    f"of costs by name, got {shown(wish)}.{near}"
+                    f"a wish must be 'hurry', a text such as 'fewer {front.names[0]}', or bounds such as "
+                    f"{{'{front.names[0]}': 3}}; got {shown(wish)}. Costs are {', '.join(front.names)}.{near}"
                 )
             name = _cost("duration" if match is None else match.group(1), front)
             more = "fewer" if name == "turns" else "less"

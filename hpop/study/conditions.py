@@ -161,7 +161,9 @@ def _check_different(rows: Sequence[NamedRow]) -> None:
     for row in rows:
         if row.number in first:
             same = first[row.number]
-            raise StudyError(f"{same} and {row} are the same trajectory: show each once, and name another row instead")
+            raise StudyError(
+                f"{same} and {row} are the same trajectory of the front; replace one of them by another row"
+            )
         first[row.number] = row
 
 

@@ -126,7 +126,12 @@ def check_fits(tasks: Options, conditions: Iterable[Condition]) -> None:
 
 
 def schedule(tasks: Options, duration: float, rng: np.random.Generator) -> dict[str, dict[str, Any]]:
-    """Return the options of each task, with ``times``, s, of ratings, tones (counting) and signals (reaction).
+    """Return the options of each task with its ``times``, s from the begin of the stimulus.
+
+    At these times a rating is asked, a tone sounds (counting) or a signal appears (reaction). Ratings come at regular
+    times; times of tones and signals are drawn by ``rng``.
+
+    duration  length of the stimulus, s; the last time leaves room for an answer
 
     >>> schedule(checked_tasks({"rating": {"every": 10, "shown": 5}}), 29.0, np.random.default_rng(1))
     {'rating': {'every': 10.0, 'shown': 5.0, 'high': 20.0, 'times': [10.0, 20.0]}}

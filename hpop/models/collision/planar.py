@@ -56,7 +56,10 @@ def blocking_reason(world: World, part: Part, x: float, y: float) -> str:
 
 
 def _name(world: World, part: Part, here: shapely.Point, distance: float) -> str:
-    """Return "the obstacle NAME" for a named obstacle within a distance, m, of a point, at a part's height; else ""."""
+    """Return "the obstacle NAME" for the first named obstacle within a distance, m, of a point, or "" if there is none.
+
+    Only obstacles at the height of the part count.
+    """
     met = (o for o in world.obstacles if o.name and overlaps(o.heights, (part.z_min, part.z_max)))
     return next(
         (f"the obstacle {shown(o.name)}" for o in met if shapely.distance(o.polygon, here) <= distance + 1e-9), ""

@@ -152,7 +152,10 @@ def _held_parts(
                 f"are {', '.join(map(shown, robot.links))}." + did_you_mean(each.link, robot.links)
             )
         if name in robot.links:
-            raise robot.file.error(f"the attached object {shown(name)} has the name of a link; give it another name")
+            raise robot.file.error(
+                f"a link of this file has the name {shown(name)}, so no attached object may have it; rename the object "
+                "where it is attached (the option attached, arm.holding or the scene)"
+            )
         frame, pose = places[each.link]
         padded = padding.get(name, 0.0) if isinstance(padding, Mapping) else padding
         yield ArmPart(name, frame, replace(each.solid, pose=pose @ each.solid.pose), padded, each.touches)

@@ -188,7 +188,11 @@ def enlarged_parts(parts: Sequence[ArmPart], rules: LinkRules) -> dict[int, ArmP
 
 
 def _grown(shape: Shape, scale: float, padding: float) -> tuple[Shape, float]:
-    """Return an enlarged shape, and the radius, m, of a ball that is still to be added to it."""
+    """Return a shape enlarged by scale and padding, and the padding, m, that it does not contain yet.
+
+    Boxes, cylinders and spheres contain the whole padding. The corners of a hull are only scaled, so its whole padding
+    remains: the collision test adds it to distances.
+    """
     match shape:
         case Box(size=(x, y, z)):
             return Box((scale * x + 2 * padding, scale * y + 2 * padding, scale * z + 2 * padding)), 0.0

@@ -342,9 +342,10 @@ class TrajectoryGraph(ABC):
     @property
     @abstractmethod
     def turned(self) -> NDArray[np.int8]:
-        """Count (m,) of each arc by which searches break ties: of paths with equal costs, they prefer the smallest sum.
+        """Number (m,) by which searches break ties: of paths with equal costs, they prefer the one with the least sum.
 
-        It is the number of motions in place, such as turns; in a roadmap of configurations, of all motions.
+        Each arc has the number of its motions in place, such as turns. In a roadmap of configurations, all motions of
+        the arc are counted.
         """
 
     @abstractmethod

@@ -120,19 +120,22 @@ def write_turn_costs(
     turns: IntArray,
     slots: IntArray,
 ) -> tuple[int, int]:
-    """Write the costs of turns to the table `turns` (k, t), and the first column of each group in it to `rows`.
+    """Copy the costs of turns to the table `turns` (k, t): a row for each cost, a block of columns for each group.
 
-    The cost of the turn from the i-th to the j-th node of a group is in its column i * size + j. Groups with equal
-    costs share their columns, if an equal group is found within PROBES slots of a hash table. Returns the number of
-    groups that are done, fewer than all if the table is full, and the number of columns in use.
+    A turn is an arc between two nodes of a group that has a positive cost in `column`. A group of size s has s * s
+    columns; the turn from its i-th to its j-th node is in column i * s + j of them. The first column of each group is
+    written to `rows`. Groups with equal costs share their columns, if an equal group is found within PROBES slots of a
+    hash table. Returns the number of groups that are done, fewer than all if the table is full, and the number of
+    columns in use. If groups are left, call again with a larger table.
 
-    indptr, heads, costs     arcs of the graph, see :class:`.Graph`
-    column                   column of the cost that turns raise
-    nodes, new_number, rows  numbers of nodes and groups, see :class:`.Groups`
-    first                    group to begin with
-    used                     number of columns in use already
-    slots                    (SLOTS, 3)  hash table of groups: checksum + 1, first column in `turns`, size; 0 before the
-                             first call
+    indptr, heads, costs  arcs of the graph, see :class:`.Graph`
+    column                column of `costs` that tells turns from other arcs
+    nodes, new_number     numbers of nodes, see :class:`.Groups`
+    rows                  (g, 3)  groups; the column TURNS is written
+    first                 group to begin with
+    used                  number of columns of `turns` in use already
+    slots                 (SLOTS, 3)  hash table of groups: checksum + 1, first column in `turns`, size; filled with
+                          0 by the caller before the first call
     """
     for g in range(first, len(rows)):
         offset, size = rows[g, OFFSET], rows[g, SIZE]

@@ -209,10 +209,11 @@ def advance(
 ) -> int:
     """Run the search for a slice: until it is complete, `work` steps are done or an array is full.
 
-    Returns the code of the reason (:mod:`.machinery.slices`). Other arguments are the arrays of :class:`.TimedSearch`;
-    all but `tables`, `rest` and `source` are changed in place.
+    Returns the code of the reason (:mod:`.machinery.slices`). If an array is full, enlarge it and call again. The
+    arrays are those of :class:`.TimedSearch`; all but `tables` and `rest` are changed in place.
 
-    scratch  (4, k)
+    source   node at which paths begin
+    scratch  (4, k)  room for intermediate cost vectors
     """
     k = len(tables.is_max)
     hold = np.int64(tables.hold)

@@ -138,7 +138,11 @@ def omega_at(tables: TimedTables, p: int, j: int, t: int) -> int:
 
 @lean
 def worst_rate(tables: TimedTables, p: int, j: int, begin: int, end: int) -> int:
-    """Return cost j, a maximum, of standing at place p from tick `begin` to tick `end`; 0 if `end` is not later."""
+    """Return the largest rate of cost j while the robot stands at place p from tick `begin` to tick `end`.
+
+    Tick `end` itself does not count. Cost j must be one whose total along a path is a maximum, not a sum. Returns 0 if
+    `end` is not later than `begin`.
+    """
     if end <= begin:
         return 0
     s = tables.omega_of[j]

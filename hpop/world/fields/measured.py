@@ -77,8 +77,8 @@ class MeasuredField(Field):
             row, column = np.argwhere(~measured)[0]
             raise MapError(
                 f"{what} has {np.sum(~measured):,} of {values.size:,} samples that are missing or NaN, the first at "
-                f"row {row}, column {column} (from 0, lowest y first). Measure them, or state the value that counts "
-                "there (outside)."
+                f"row {row}, column {column} (from 0, lowest y first). Measure them, or give the option outside: the "
+                "value that counts there and beyond the grid."
             )
         object.__setattr__(self, "spacing", check_positive(f"{what}: spacing", self.spacing))
         object.__setattr__(self, "origin", check_pose(self.origin))

@@ -70,7 +70,11 @@ class DrawingOptions(NamedTuple):
 
 
 def checked_options(wall_width: Any, layers: Any, inside: Any, door_arcs: Any) -> DrawingOptions:
-    """Return checked options; `MapError` if one is invalid."""
+    """Return the options of a reader of drawings.
+
+    `MapError` if the width of walls is not above 0, `layers` is no name or list of names, `inside` no position (x, y),
+    or `door_arcs` not one of DoorArcs.
+    """
     one_of("door_arcs", door_arcs, get_args(DoorArcs), error=MapError)
     return DrawingOptions(check_positive("wall_width", wall_width), _names(layers), check_inside(inside), door_arcs)
 

@@ -170,7 +170,9 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
         thing = SceneEntry(f"{scene.what.partition(', message')[0]}: object {shown(name)}", entry.given)
         operation = _operation(thing, is_diff=is_diff)
         if name in objects and name not in named_before and operation == ADD:
-            raise MapError(f"{thing.what} is there twice, the second time as number {place}; give each its own id.")
+            raise MapError(
+                f"{thing.what} is there twice, the second time as entry {place} (from 0); give each object its own id."
+            )
         if operation != ADD and name not in objects:
             raise MapError(
                 f"{thing.what} is to be removed, moved or extended, but no such object exists; add it first."

@@ -98,7 +98,7 @@ def test_a_scenario_names_what_is_held(tmp_path):
         ([BAR | {"rpy": (90, 0, 0)}], "the attached object 'bar': each of roll, pitch and yaw"),
         ([BAR | {"box": None, "cylinder": {"radius": 1}}], "the attached object 'bar': .*length"),
         ([BAR | {"link": "jip"}], "must be on a link of this file, got 'jip'; .* mean 'jib'"),
-        ([BAR | {"name": "mast"}], "has the name of a link; give it another name"),
+        ([BAR | {"name": "mast"}], "a link of this file has the name .mast.*rename the object where it is attached"),
     ],
 )
 def test_an_object_that_cannot_be_held_is_refused(tmp_path, attached, said):

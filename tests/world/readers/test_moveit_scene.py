@@ -202,7 +202,7 @@ TABLE, BALL, BLOCK = ((*OBJECTS, i) for i in range(3))
         (changed(*OBJECTS, to=3), "collision_objects must be a list; got 3"),
         (changed(*OBJECTS, to=[3]), "collision_objects 0 must be a yaml mapping; got 3"),
         (changed(*BALL, "id", to=None), "collision_objects 1: id must be the name of an object; got None"),
-        (changed(*BALL, "id", to="table"), "object 'table' is there twice, the second time as number 1"),
+        (changed(*BALL, "id", to="table"), "object 'table' is there twice, the second time as entry 1 .from 0."),
         (
             changed(*BALL, "primitives", 0, "type", to="cone"),
             "object 'ball': primitives 0: type .*one of box, .*'cone'",

@@ -214,7 +214,11 @@ class _CorridorRun:
         return tuple(tuple(float(w) for w in row) for row in simplex_lattice(divisions, k))
 
     def grow_corridors(self, warm: WarmStarts, deadline: Deadline) -> None:
-        """Grow corridors around the warm starts that are free of collisions, until the deadline."""
+        """Fill ``corridors``: drop the warm starts that collide, then grow a corridor around each other one.
+
+        Warm starts through the same regions share a corridor. ``left`` counts those not reached before the deadline.
+        Notes count warm starts that were dropped, and those that touch an obstacle.
+        """
         self.warm, free, _, dropped = warm.polylines(self.problem, self.criteria)
         self.corridors, refused = corridors(free, self.problem, deadline)
         self.left = len(free) - refused - sum(len(corridor.warm_starts) for corridor in self.corridors)
