@@ -62,8 +62,8 @@ For people who read exported files: the axes, units and columns of each format. 
 `make reference` writes this page from the code; do not edit it.
 
 In the table, a *body* is the part of the robot whose poses are exported, such as the camera. *Stamps* are the times of
-messages. REP-103 is the convention of ROS for axes and units. In commands, `knee_70` stands for the name of your file: the
-knee, row 70 of the front. Files hold the executed motion unless you export the planned one.
+messages. REP-103 is the convention of ROS for axes and units. In commands, `knee_70` stands for the name of your file:
+the knee, row 70 of the front. Files hold the executed motion unless you export the planned one.
 """
 
 
