@@ -6,15 +6,12 @@ passenger's motion sickness dose. Three of them are drawn along the way: speed, 
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
 import shapely
 
 import hpop
 from hpop.motions import States
-from hpop.view import draw_front, draw_map
-
-G = 9.81  # m/s²
+from hpop.view import draw_felt, draw_front, draw_map
 
 #: Pieces of the road: length, m, and curvature at its end, 1/m (positive to the left), linear over each piece.
 ROAD = [
@@ -72,30 +69,8 @@ def main(folder: Path = Path("out/12_passenger"), points: int = 5) -> hpop.Front
     chosen = {"fastest": 0, "knee": knee, "gentlest": len(front) - 1}
     draw_map(problem, front, chosen=chosen, colour="duration").savefig(folder / "map.png", dpi=150)
     draw_front(front, chosen=chosen).savefig(folder / "front.png", dpi=150)
-    draw_rides(front, chosen).savefig(folder / "ride.png", dpi=150)
+    draw_felt(front, chosen=chosen).savefig(folder / "felt.png", dpi=150)
     return front
-
-
-def draw_rides(front: hpop.Front, chosen: dict[str, int]) -> plt.Figure:
-    """Draw the speed, and the accelerations at the seat, along the way of some speed profiles."""
-    figure, axes = plt.subplots(3, 1, sharex=True, figsize=(9, 7), layout="constrained")
-    for name, index in chosen.items():
-        ride = front.trajectories[index]
-        times = np.linspace(0.0, ride.duration, 2000)
-        states, (rates, changes) = ride.at(times), ride.rates(times)
-        pose, felt = ride.model.pose("seat", states), ride.model.twist_rate("seat", states, rates, changes).velocity
-        speed = np.hypot(rates.x, rates.y)
-        way = np.append(0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1]) * np.diff(times)))
-        label = f"{name}: {ride.duration:.0f} s, dose {front[index].costs['felt_msdv']:.1f} m/s^1.5"
-        axes[0].plot(way, 3.6 * speed, label=label)
-        for axis, direction in ((axes[1], pose.ahead), (axes[2], pose.left)):
-            axis.plot(way, sum(a * d for a, d in zip(felt, direction, strict=True)) / G)
-    for axis, label in zip(axes, ("speed (km/h)", "felt to the front (g)", "felt to the left (g)"), strict=True):
-        axis.set_ylabel(label)
-        axis.grid(alpha=0.3)
-    axes[0].legend()
-    axes[2].set_xlabel("way along the road (m)")
-    return figure
 
 
 if __name__ == "__main__":

@@ -90,7 +90,7 @@ def test_a_gentle_ride_costs_time_and_saves_most_of_the_dose(tmp_path):
     (fast, most), (slow, least) = front.costs
     assert slow == pytest.approx(2 * fast, rel=1e-2)
     assert least < 0.2 * most
-    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "ride.png"}
+    assert {path.name for path in tmp_path.iterdir()} == {"front.json", "map.png", "front.png", "felt.png"}
 
 
 @pytest.mark.usefixtures("map_alone")

@@ -235,6 +235,7 @@ hpop.verify
 hpop.view.draw_batch
 hpop.view.draw_drive
 hpop.view.draw_encounters
+hpop.view.draw_felt
 hpop.view.draw_front
 hpop.view.draw_map
 hpop.view.draw_preference

@@ -315,6 +315,9 @@ GLOSSARY: dict[str, tuple[Entry, ...]] = {
         _entry("where.png, where", "Picture of where, along the knee's trajectory, each cost arises."),
         _entry("side.png", "Picture of the camera's paths from the side, if its height changes."),
         _entry("states.png", "Picture of each further state over time, such as the joints of an arm, with its limits."),
+        _entry(
+            "felt.png", "Picture of speed, and acceleration in g, that a passenger feels along the way, as executed."
+        ),
         _entry("encounters.png", "Picture of the knee's path over time, among people who move."),
     ),
 }

@@ -29,7 +29,18 @@ LEAST_ROOM = 2**20  # bytes to test, since a full disk still takes empty files
 MOST_NAMED = 3  # folders in a message
 PAGE = "front.html"
 RIDE = "ride.html"
-PICTURES = ("map.png", "front.png", "trace.png", "where.png", "side.png", "states.png", "encounters.png", PAGE, RIDE)
+PICTURES = (
+    "map.png",
+    "front.png",
+    "trace.png",
+    "where.png",
+    "side.png",
+    "states.png",
+    "felt.png",
+    "encounters.png",
+    PAGE,
+    RIDE,
+)
 
 
 @contextmanager

@@ -17,6 +17,7 @@ matplotlib_folder.forget_current_folder()
 
 from hpop.view import save
 from hpop.view.arm_page import save_arm_page
+from hpop.view.felt import draw_felt
 from hpop.view.front_plot import draw_batch, draw_front, draw_preference
 from hpop.view.map import draw_map
 from hpop.view.moments import draw_drive, draw_encounters
@@ -34,6 +35,7 @@ __all__ = [
     "draw_batch",
     "draw_drive",
     "draw_encounters",
+    "draw_felt",
     "draw_front",
     "draw_map",
     "draw_preference",

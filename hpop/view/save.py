@@ -33,6 +33,7 @@ from hpop.runtime import limits
 from hpop.runtime.limits import Budget
 from hpop.view.content import draw_content
 from hpop.view.explorer.payload import SCRIPT, payload
+from hpop.view.felt import draw_felt
 from hpop.view.front_plot import draw_front
 from hpop.view.ground import View, draw_scale_bar, outline
 from hpop.view.map import draw_map
@@ -54,6 +55,7 @@ OTHERS = {
     "front.png",
     "trace.png",
     "where.png",
+    "felt.png",
     "side.png",
     "states.png",
     "encounters.png",
@@ -77,7 +79,8 @@ def save_pictures(
     For an empty front, or with ``map_alone``, this is only ``map.png``. Otherwise also ``front.png``, and for the knee
     ``trace.png`` and ``where.png``, unless it has no motion. If people move, ``encounters.png`` shows the knee over
     time among them. If the camera rises or sinks, ``side.png`` is a view from the side. If states change that maps do
-    not show, such as joints, ``states.png`` shows them.
+    not show, such as joints, ``states.png`` shows them. If the robot has a seat, ``felt.png`` shows what a passenger
+    feels along the way.
 
     With a person's ``preference`` the best trajectory for that person is marked too. If the shading of the map by
     obstruction takes more than ``max_memory`` bytes (by default 500 MB), it is left out, and the map says so. The
@@ -114,6 +117,8 @@ def save_pictures(
                 add("side.png", draw_side(problem, front, chosen=chosen))
             if changing(problem.model, [front.trajectories[mark.row] for mark in marks(front, chosen)]):
                 add("states.png", draw_states(front, chosen=chosen))
+            if "seat" in problem.model.provides:
+                add("felt.png", draw_felt(front, chosen=chosen))
     try:
         target.mkdir(parents=True, exist_ok=True)
         for name in OTHERS - pictures.keys():
