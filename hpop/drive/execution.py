@@ -6,7 +6,6 @@ drive can be repeated from its event log.
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -20,8 +19,8 @@ from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.closings import Closing, refuse_covered
 from hpop.drive.moment import DriveProgress, Moment, past
-from hpop.drive.options import Commit, LeavePoints, Option, Options, PlanComparison, same_side
-from hpop.drive.plan import SAME, Plan, between, closed_trajectories, held, joined, part
+from hpop.drive.options import Commit, Option, Options, PlanComparison, same_side
+from hpop.drive.plan import SAME, Cut, Plan, closed_trajectories, joined, part
 from hpop.drive.replanning import Replanner, ReplanResult
 from hpop.drive.storage import Change, StopLog, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
@@ -30,7 +29,6 @@ from hpop.errors import DriveError
 from hpop.frontier.choices import Preferring
 from hpop.motions.states import StateSpec
 from hpop.planners.base import Planner
-from hpop.planners.graphs.timed.safety import LEAVING
 from hpop.problems.front import Point
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import Person
@@ -151,26 +149,7 @@ class Execution(StopLog):
         This is the end of a straight move or hold, where all plans go straight on or stop to turn. If the robot stands
         (at the start, at the goal, or before a closed area), it is the place where it stands.
         """
-        now, plan, lag = self._time(now), self._progress.plan, self._progress.lag
-        t = now + deadline_of(deadline, self.problem) - lag
-        driven, place = plan.driven, plan.next_arrival(t)
-        at_end = place == len(driven)
-        arrives = at_end and plan.stops is None
-        stands = t - float(driven.times[place]) if at_end and not arrives else 0.0
-        stands = max(stands, plan.stops_for) if stands > 0.0 else 0.0
-        time = lag + float(driven.times[place]) + stands
-        states = plan.states
-        times = lag + driven.times[plan.arrivals]
-        soon = (times > time + SAME) & (times <= time + LEAVING)
-        later = LeavePoints(times[soon], states.take(plan.arrivals[soon]))
-        before = held(part(driven, 0, place), stands)
-        begins = min(float(driven.times[place]), math.inf if plan.stops is None else plan.stops)
-        remaining = between(plan.announced, begins, plan.announced.duration)
-        here, tour = states.take(np.array([place])), None
-        if (progress := self._progress.tour) is not None:
-            problem = self.surroundings.at(here, time)
-            tour = progress.after(joined(before, remaining), before.duration, lag, problem).tour
-        return Commit(time, here, place, stands, arrives, before, remaining, later, tour)
+        return self._progress.commit(self._time(now), deadline_of(deadline, self.problem))
 
     # Options
 
@@ -276,19 +255,30 @@ class Execution(StopLog):
         """
         options = self._options_at_hand() if options is None else options
         now, place = self._in_order(self._now() if now is None else now), options.place_of(option)
-        chosen, commit = options[place], options.commit
-        if now > commit.time + SAME and not (commit.arrives and chosen.keeps_on):
+        chosen, commit, keeps_on = options.ways[place], options.commit, place == options.keep_on
+        if now > commit.time + SAME and not (commit.arrives and keeps_on):
             again = "plan again from the goal" if commit.arrives else "call options(now) again"
             raise DriveError(f"these options begin at {commit.time:.2f} s, but it is {now:.2f} s already: {again}")
         if not self._progress.plan.begins_with(options.compared.before):
             raise DriveError("the plan was cut before the place where these options begin; call options(now) again")
-        if closed_trajectories([chosen.item], self.surroundings.closed).any():
+        changed = self._progress.with_option(options, place, now)
+        if changed.cut.safe is not None and closed_trajectories([chosen], self.surroundings.closed).any():
             raise DriveError(f"option {place} has been closed since; call options(now) again")
         self._note_visits(now)
-        self._drive(now, commit.place, commit.stands, None if chosen.keeps_on else chosen.item)
-        self._note("take", self._told(now), place=commit.place, stands=commit.stands, keeps_on=chosen.keeps_on,
-                   rest=None if chosen.keeps_on else chosen.item.describe(), costs=chosen.costs)  # fmt: skip
+        self._drive(now, None if keeps_on else changed.plan, changed.cut)
+        self._note("take", self._told(now), place=commit.place, stands=commit.stands, keeps_on=keeps_on,
+                   rest=None if keeps_on else chosen.describe(), costs=options.costs_of(place))  # fmt: skip
         return self.plan
+
+    def blocked_by(self, option: Option | Point | int, now: float, options: Options) -> int | None:
+        """Return the number of an option's first motions that lead into a closed area or a person; None if it is clear.
+
+        People are taken as they are predicted now. All options that begin with these motions are blocked too. It is 0
+        if the present plan does not lead to the place where the options begin.
+        """
+        if not self._progress.plan.begins_with(options.compared.before):
+            return 0
+        return self._progress.with_option(options, options.place_of(option), now).blocked_by
 
     def take_again(self, event: Mapping[str, Any], trajectory: Trajectory | None) -> None:
         """Repeat the choice of an option from an event log; with ``trajectory`` None the robot keeps its plan."""
@@ -296,14 +286,14 @@ class Execution(StopLog):
         place = whole("place", event["place"], 0, most, "the number of a state of the plan", error=DriveError)
         stands = real("stands", event["stands"], 0, MOST, "a time in s", error=DriveError)
         self._note_visits(now)
-        self._drive(now, place, stands, trajectory)
+        self._drive(now, None if trajectory is None else self._progress.plan.then(place, stands, trajectory))
         self.record.append(dict(event))
 
-    def _drive(self, now: float, place: int, stands: float, trajectory: Trajectory | None) -> None:
-        """Follow a trajectory from a state of the plan on, after a stop of ``stands`` s there; None keeps the plan."""
-        if trajectory is not None:
-            self._progress.plan = self._progress.plan.then(place, stands, trajectory)
-            self._progress.cut(now)
+    def _drive(self, now: float, plan: Plan | None, cut: Cut | None = None) -> None:
+        """Follow a changed plan, up to its ``cut`` if that was found already; None keeps the present plan."""
+        if plan is not None:
+            self._progress.plan = plan
+            self._progress.cut(now, cut)
         self._latest = None
 
     def save(self, path: str | os.PathLike[str]) -> None:

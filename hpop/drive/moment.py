@@ -5,26 +5,28 @@ Times of the drive are on the clock of the caller, s. Times of the plan begin at
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, NamedTuple
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
 from hpop.criteria.costs import motion_costs, running_costs, trajectory_costs
-from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, motion_ends, until
+from hpop.drive.options import Commit, LeavePoints, Options
+from hpop.drive.plan import SAME, Cut, Plan, between, cut_of, held, joined, motion_ends, part, until
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.tour import TourProgress
-from hpop.motions import States
+from hpop.motions import States, laws_of
+from hpop.planners.graphs.timed.safety import LEAVING
 from hpop.problems.named_rows import StopVisit
+from hpop.trajectories.contacts import STEP
 from hpop.trajectories.history import sections
 from hpop.trajectories.trajectory import Trajectory
-
-if TYPE_CHECKING:
-    pass
+from hpop.world import Person
 
 
 class Stretch(NamedTuple):
@@ -129,6 +131,33 @@ def stopped(
     return [*begun, Stretch(last.surroundings, begins, lag)]
 
 
+class ChangedPlan(NamedTuple):
+    """The plan with an option in place of its rest, and how far it is open.
+
+    asked  the options, the number of the option, the time, the plan before and the surroundings
+    """
+
+    asked: tuple[object, ...]
+    plan: Plan
+    cut: Cut
+
+    @property
+    def blocked_by(self) -> int | None:
+        """Number of the first motions of the option that alone decide that it is blocked; None if it is clear.
+
+        The motion in which the robot meets something is executed as one run with the moves before and after it, and
+        up to half a ramp later than planned.
+        """
+        if self.cut.safe is None:
+            return None
+        plan, laws = self.plan.announced, laws_of(self.plan.announced.model)
+        begin = int(np.searchsorted(plan.times, self.plan.chosen + SAME, side="right")) - 1
+        last = int(np.searchsorted(plan.times, self.cut.safe + self.plan.ramp + STEP))
+        while last < len(plan) and "x" in laws[plan.kinds[last]].varies:
+            last += 1
+        return max(0, min(last + 1, len(plan)) - begin) if self.cut.safe > self.plan.chosen else 0
+
+
 class DriveProgress:
     """The plan that a robot follows, its position on the plan, and the surroundings on the way.
 
@@ -144,6 +173,8 @@ class DriveProgress:
         tour = surroundings.problem.tour
         self.tour = None if tour is None else TourProgress(tour)
         self.stretches = [Stretch(surroundings, 0.0, begin)]
+        self._changed: ChangedPlan | None = None
+        self._walking: tuple[DriveSurroundings, float, tuple[Person, ...]] = surroundings, -math.inf, ()
 
     @property
     def surroundings(self) -> DriveSurroundings:
@@ -157,6 +188,28 @@ class DriveProgress:
     def state(self, now: float) -> States:
         """Return the state (1,) of the robot at time ``now`` of the drive, s."""
         return self.plan.driven.at(self.planned(now))
+
+    def commit(self, now: float, deadline: float) -> Commit:
+        """Return the first place of the plan, at least ``deadline`` s from now, where the robot may change its plan."""
+        plan, lag, t = self.plan, self.lag, now + deadline - self.lag
+        driven, place = plan.driven, plan.next_arrival(t)
+        at_end = place == len(driven)
+        arrives = at_end and plan.stops is None
+        stands = t - float(driven.times[place]) if at_end and not arrives else 0.0
+        stands = max(stands, plan.stops_for) if stands > 0.0 else 0.0
+        time = lag + float(driven.times[place]) + stands
+        states = plan.states
+        times = lag + driven.times[plan.arrivals]
+        soon = (times > time + SAME) & (times <= time + LEAVING)
+        later = LeavePoints(times[soon], states.take(plan.arrivals[soon]))
+        before = held(part(driven, 0, place), stands)
+        begins = min(float(driven.times[place]), math.inf if plan.stops is None else plan.stops)
+        remaining = between(plan.announced, begins, plan.announced.duration)
+        here, tour = states.take(np.array([place])), None
+        if self.tour is not None:
+            problem = self.surroundings.at(here, time)
+            tour = self.tour.after(joined(before, remaining), before.duration, lag, problem).tour
+        return Commit(time, here, place, stands, arrives, before, remaining, later, tour)
 
     def moment(self, now: float) -> Moment:
         """Return the position of the robot at a time of the drive, s, with the costs so far."""
@@ -192,22 +245,39 @@ class DriveProgress:
         if plan.stops is not None and now - self.lag - plan.stops > SAME:
             self.plan = Plan(*plan.waiting(max(stood, plan.stops_for) if stood > SAME else 0.0))
 
-    def cut(self, now: float) -> Cut:
-        """Stop the plan before closed areas and people in the way; return how far it is open."""
-        t, surroundings = self.planned(now), self.surroundings
-        then = max(now, self.lag)  # people walk on before the robot leaves
-        people = surroundings.at(self.plan.announced.at(t), then).world.content.people
-        predicted = surroundings.people  # a person who has stopped since is no closed area
-        people = tuple(person for person, before in zip(people, predicted, strict=True) if before.moves)
-        cut_from = partial(cut_of, closings=surroundings.closed, people=people, margin=self.margin)
-        cut, announced = cut_from(self.plan, t), self.plan.announced
+    def cut_of(self, plan: Plan, now: float) -> Cut:
+        """Return how far a plan, which begins like the present one up to ``now``, is open."""
+        surroundings, then = self.surroundings, max(now, self.lag)  # people walk on before the robot leaves
+        if self._walking[0] is not surroundings or self._walking[1] != then:
+            people = zip(surroundings.predicted(then), surroundings.people, strict=True)
+            walking = tuple(person for person, before in people if before.moves)  # also if a person has stopped since
+            self._walking = surroundings, then, walking
+        return cut_of(plan, self.planned(now), surroundings.closed, self._walking[2], self.margin)
+
+    def with_option(self, options: Options, place: int, now: float) -> ChangedPlan:
+        """Return the plan with an option, given by its number; it is checked once for each time ``now``."""
+        if place == options.keep_on:
+            return ChangedPlan((), self.plan, Cut(self.plan.stops, self.plan.stops))
+        asked = (options, place, now, self.plan, self.surroundings)
+        if self._changed is None or any(a is not b for a, b in zip(asked, self._changed.asked, strict=True)):
+            plan = self.plan.then(options.commit.place, options.commit.stands, options.ways[place])
+            self._changed = ChangedPlan(asked, plan, self.cut_of(plan, now))
+        return self._changed
+
+    def cut(self, now: float, known: Cut | None = None) -> Cut:
+        """Stop the plan before closed areas and people in the way; return how far it is open.
+
+        known  the result of :meth:`cut_of` for the present plan, if it was computed before
+        """
+        t, announced = self.planned(now), self.plan.announced
+        cut = self.cut_of(self.plan, now) if known is None else known
         if cut.stops == t and t not in announced.times:
             # The motion under way ends here; each part of a split turn takes a time of its own.
             before = until(announced, t)
             self.plan = Plan(joined(before, between(announced, t, announced.duration)))
             self.lag = now - before.duration
             self.stretches = stopped(self.stretches, t, before.duration, self.lag, announced)
-            cut = cut_from(self.plan, before.duration)
+            cut = self.cut_of(self.plan, now)
         elif cut.stops is not None:
             self.stretches = stopped(self.stretches, cut.stops, cut.stops, self.lag)
         self.plan = self.plan.closed_at(cut.stops)

@@ -216,6 +216,10 @@ class Options(Sequence[Option]):
         """The trajectories of the options, in order."""
         return self.front.trajectories if self.kept is None else (*self.front.trajectories, self.kept.item)
 
+    def costs_of(self, index: int) -> dict[str, float]:
+        """Return the costs of an option, given by its number, by criterion."""
+        return self._point(index).costs
+
     def __len__(self) -> int:
         return len(self.front) + (self.kept is not None)
 
@@ -234,10 +238,13 @@ class Options(Sequence[Option]):
         kept = "" if self.keep_on is None else f", number {self.keep_on} keeps on"
         return f"<Options: {len(self)} from {self.commit.time:.2f} s on{kept}; {self.status}>"
 
-    def _option(self, index: int) -> Option:
+    def _point(self, index: int) -> Point:
         point = self.front[index] if index < len(self.front) else self.kept
         assert point is not None
-        keeps_on = index == self.keep_on
+        return point
+
+    def _option(self, index: int) -> Option:
+        point, keeps_on = self._point(index), index == self.keep_on
         return Option(
             index=index,
             costs=point.costs,

@@ -95,6 +95,10 @@ class DriveSurroundings:
         near, x, y = clearance_radius(self.problem.model, self.margin), float(state.x[0]), float(state.y[0])
         return any(math.hypot(p.x - x, p.y - y) < near + p.radius for p in self._people_at(now))
 
+    def predicted(self, now: float) -> tuple[Person, ...]:
+        """Return the people as predicted for time ``now``, s: the same as those of the problem :meth:`at` that time."""
+        return tuple(person.later(max(0.0, now - self.since)) for person in self.people)
+
     # Changes
 
     def changed(self, now: float, what: str, value: Any, name: str, groups: Any) -> DriveSurroundings:
@@ -202,8 +206,7 @@ class DriveSurroundings:
 
     def _people_at(self, now: float) -> tuple[Person, ...]:
         """Return the people as predicted for time ``now``, s; people who have left are moved far away."""
-        people = (person.later(max(0.0, now - self.since)) for person in self.people)
-        return tuple(_gone(person) if _has_gone(person) else person for person in people)
+        return tuple(_gone(person) if _has_gone(person) else person for person in self.predicted(now))
 
     def _changed(
         self,

@@ -55,6 +55,12 @@ class Ways:
         """The distinct motions of the trajectories."""
         return MotionTable.of(self.trajectories)
 
+    @cached_property
+    def motions(self) -> tuple[tuple[int, ...], ...]:
+        """Motions of each trajectory, as indices into the table."""
+        ends = np.cumsum(self.table.counts)
+        return tuple(tuple(each.tolist()) for each in np.split(self.table.motions, ends[:-1]))
+
     @property
     def durations(self) -> FloatArray:
         """Planned durations (n,), s."""

@@ -60,8 +60,8 @@ class OfferedDrive:
         self.prefix: Trajectory | None = None
         self.goal: Destination | None = None
         self.offer: Offer | None = None
-        self._checked: tuple[tuple[Trajectory, ...], DriveSurroundings, dict[int, bool], Problem | None]
-        self._checked = (), self.surroundings, {}, None
+        self._checked: tuple[tuple[Trajectory, ...], DriveSurroundings, set[int], set[tuple[int, ...]]]
+        self._checked = (), self.surroundings, set(), set()  # numbers of clear ways; motions that begin blocked ones
         self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
         self._pushed = -math.inf  # s, time of the last push beside a request
@@ -110,15 +110,27 @@ class OfferedDrive:
         arrives = offer.options is not None and offer.options.commit.arrives  # no other way is left
         return not arrives and now + self.brakes > offer.time
 
-    def _is_open(self, offer: Offer, option: int) -> bool:
-        """Return whether a way of an offer is clear of closed areas and people as they are predicted now."""
-        ways, now = offer.ways.trajectories, self.surroundings
-        if self._checked[0] is not ways or self._checked[1] is not now:
-            self._checked = ways, now, {}, offer.problem_in(now)
-        _, _, known, problem = self._checked
-        if option not in known:
-            known[option] = offer.is_open(option, now, problem, self.planning.planner.margin)
-        return known[option]
+    def _is_open(self, offer: Offer, now: float, option: int) -> bool:
+        """Return whether a way of an offer is clear of closed areas and people as they are predicted now.
+
+        Ways to a new destination, and those found in the present surroundings, count as clear.
+        """
+        if offer.options is None or self.drive is None or offer.surroundings is self.surroundings:
+            return True
+        if self._checked[0] is not offer.ways.trajectories or self._checked[1] is not self.surroundings:
+            self._checked = offer.ways.trajectories, self.surroundings, set(), set()
+        _, _, clear, blocked = self._checked
+        if option in clear:
+            return True
+        motions = offer.ways.motions[option]
+        if any(motions[: len(first)] == first for first in blocked):
+            return False
+        count = self.drive.blocked_by(option, now, offer.options)
+        if count is None:
+            clear.add(option)
+        else:
+            blocked.add(motions[:count])
+        return count is None
 
     def _taken(self, now: float, offer: Offer, option: int, by: str) -> Iterator[Message]:
         """Take a way of an offer: yield the plan for the robot, and the message "taken"."""
@@ -171,7 +183,7 @@ class OfferedDrive:
         with self.changing:
             offer = self.offer
             many = 0 if offer is None else len(offer.ways.trajectories)
-            found = None if offer is None else nearest_to_push(offer.ways, heading, partial(self._is_open, offer))
+            found = None if offer is None else nearest_to_push(offer.ways, heading, partial(self._is_open, offer, now))
             if offer is None or found is None:
                 words = "there is no way to choose from; choose a destination first"
                 if many:

@@ -12,7 +12,6 @@ import shapely
 from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.base.text import printable
-from hpop.drive.known_paths import clear_trajectories
 from hpop.drive.options import Options
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.errors import CriterionError
@@ -68,26 +67,6 @@ class Offer:
         """Return the offer after one of its ways, by number, has become the plan of the present drive."""
         assert self.options is not None
         return replace(self, ways=replace(self.ways, present=option), options=replace(self.options, keep_on=option))
-
-    def problem_in(self, now: DriveSurroundings) -> Problem | None:
-        """Return the problem in which ways are checked again among the present surroundings ``now``.
-
-        Return None for ways to a new destination, and those found in these surroundings, which count as clear.
-        """
-        if self.options is None or self.surroundings is now:
-            return None
-        return now.at(self.options.commit.state, self.options.commit.time)
-
-    def is_open(self, option: int, now: DriveSurroundings, problem: Problem | None, margin: float) -> bool:
-        """Return whether a way is clear of the closed areas and people of the present surroundings ``now``.
-
-        problem  from :meth:`problem_in`
-        margin   m, distance to keep from moving people
-        """
-        if self.options is None or problem is None:
-            return True
-        commit, way = self.options.commit, self.ways.trajectories[option]
-        return any(clear_trajectories([way], problem, commit.before, now.closed, margin, None, lambda: False))
 
     def message(self, now: float, preference: Any) -> dict[str, Any]:
         """Return the message "options", which shows the ways to viewers; ``now`` is the time of the session, s."""

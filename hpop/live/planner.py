@@ -60,6 +60,7 @@ class LivePlanner(OfferedDrive):
             )
         super().__init__(problem, scenario.planners[0])
         self.preference = scenario.preference
+        self._took_goal = 0.0  # s, from the last question for ways to a destination until they were offered
         self.offers = deque[tuple[float, Offer]](maxlen=KEPT_OFFERS)  # told last, each with the time of its question
 
     @property
@@ -116,6 +117,7 @@ class LivePlanner(OfferedDrive):
         gap = 0.0 if front.status == "complete" else math.inf
         self.offer = Offer(ways, time, pose_of(state), front.status, front.certificate, gap, before, problem)
         yield self._told(self.offer, now)
+        self._took_goal = max(0.0, self.clock() - now)
 
     def _told(self, offer: Offer, now: float) -> Message:
         """Return the message that offers ways; it is remembered, so that one of them can be taken."""
@@ -161,7 +163,7 @@ class LivePlanner(OfferedDrive):
             return
         now = self._see(now, pose)
         chosen = offer.ways.trajectories[option]
-        if offer is not self.offer or self._is_late(offer, now) or not self._is_open(offer, option):
+        if offer is not self.offer or self._is_late(offer, now) or not self._is_open(offer, now, option):
             found = yield from self._anew(now, pose, chosen)
             if found is None:
                 return
@@ -173,8 +175,11 @@ class LivePlanner(OfferedDrive):
 
         None, with the message "refused", if their mean distance exceeds `LIKE`.
         """
-        yield from self.options(now, pose)
-        yield from self.show(now, pose)
+        if self.goal is not None:
+            yield from self._offer_goal(now, pose, max(LEAD, min(TIMES_AHEAD * self._took_goal, MOST_AHEAD)))
+        else:
+            yield from self.options(now, pose)
+            yield from self.show(now, pose)
         took = self.clock() - now
         if took > 0.0 and self.goal is not None and self.offer is not None and self._is_late(self.offer, now):
             yield from self._offer_goal(now + took, pose, min(TIMES_AHEAD * took, MOST_AHEAD))

@@ -56,6 +56,54 @@ def least_gap(way: hpop.Trajectory, person: Person, begins: float) -> float:
     return float(apart[np.asarray(person.there(times + begins)) > 0].min(initial=np.inf))
 
 
+def crossing(seed: int) -> list[Person]:
+    """Return five people who walk about in the hall; some of them walk into a wall or off the map, or stop."""
+    rng = np.random.default_rng(seed)
+    places, speeds = rng.uniform((2.5, 0.3), (10.5, 5.7), (5, 2)), rng.normal(0.0, 0.35, (5, 2))
+    return [
+        Person(*place, velocity=tuple(velocity), until=float(rng.uniform(1.0, 9.0)), name=f"person {i}")
+        for i, (place, velocity) in enumerate(zip(places.tolist(), speeds.tolist(), strict=True))
+    ]
+
+
+@pytest.mark.parametrize("seed", range(2, 6))
+def test_an_option_that_is_clear_is_driven_to_its_end_and_one_that_is_blocked_is_not(seed: int) -> None:
+    drive = drive_among()
+    options = drive.options(0.3, 0.5)
+    with busy(drive):
+        drive.world(0.5, people=crossing(seed))
+        blocked = [drive.blocked_by(i, 0.6, options) for i in range(len(options))]
+        for number, first in enumerate(blocked):
+            way = options.ways[number]
+            assert first is None or first <= len(way)
+            alike = [i for i, other in enumerate(options.ways) if first is not None and begins_as(other, way, first)]
+            assert all(blocked[i] is not None for i in alike)
+            if not options[number].keeps_on:
+                plan = drive.take(number, 0.6, options)
+                assert (plan.duration == drive.announced.duration) == (first is None)
+
+
+def begins_as(way: hpop.Trajectory, other: hpop.Trajectory, count: int) -> bool:
+    """Return whether two trajectories have their first motions in common."""
+    rows, names = slice(0, count + 1), way.states.names
+    return way.kinds[:count] == other.kinds[:count] and all(
+        np.array_equal(getattr(way.states, name)[rows], getattr(other.states, name)[rows]) for name in names
+    )
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_people_are_predicted_as_those_of_a_problem_that_begins_later(seed: int) -> None:
+    drive = drive_among()
+    with busy(drive):
+        drive.world(0.5, people=crossing(seed))
+    for now in (0.5, 0.9, 2.5, 7.0, 12.0):
+        later, people = drive.surroundings.at(drive.at(0.5).state, now), drive.surroundings.predicted(now)
+        for person, expected in zip(people, later.world.content.people, strict=True):
+            times = np.linspace(0.0, 10.0, 101)
+            assert np.allclose(person.at(times), expected.at(times), atol=1e-6)
+            assert np.array_equal(person.there(times), expected.there(times))
+
+
 @pytest.mark.cases("people")
 @pytest.mark.parametrize("change", ["people", "close"])
 def test_until_the_graph_is_made_the_known_ways_are_looked_at_again(change: str) -> None:

@@ -182,6 +182,32 @@ def test_a_new_destination_is_taken_where_the_robot_can_still_turn_however_long_
     assert plans == 1
 
 
+def test_a_late_choice_of_a_new_destination_is_searched_once_if_that_takes_about_as_long_as_before(
+    planner: LivePlanner,
+) -> None:
+    """The clock goes on by 0.5 s while ways to the new destination are searched."""
+    told = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.1, START, told["cards"][0]["option"]))
+    assert planner.drive is not None
+    clock = 1.0
+    planner.clock = lambda: clock
+
+    def answered(kind: str, *values: Any) -> list[dict[str, Any]]:
+        nonlocal clock
+        assert planner.drive is not None
+        pose, told = tuple(float(getattr(planner.drive.at(clock).state, name)[0]) for name in ("x", "y", "yaw")), []
+        for message in getattr(planner, kind)(clock, pose, *values):
+            clock += 0.5 if message["type"] == "options" else 0.0
+            told.append(message)
+        return told
+
+    told = of(answered("destination", {"x": 1.0, "y": 4.0}), "options")
+    clock = told["commit"]["t"] - planner.brakes + 0.02  # the viewer has looked at the ways
+    kinds = [message["type"] for message in answered("take", told["cards"][0]["option"], told["asked"])]
+    assert kinds.count("options") == 1
+    assert kinds.count("taken") == 1
+
+
 def test_ways_of_an_older_question_and_the_end_of_an_older_drive_change_nothing(planner: LivePlanner) -> None:
     options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
     told = list(planner.take(0.0, START, 0, asked=options["asked"] + 1.0))
