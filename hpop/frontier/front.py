@@ -330,9 +330,11 @@ class ItemFront(Choices[T], Generic[T]):
         )
 
     def to_dataframe(self) -> pandas.DataFrame:
-        """Return the front as a pandas table with one row for each point: costs, reported values, provenance.
+        """Return the front as a pandas table, with a row for each point.
 
-        Its ``attrs`` have the units by column, the status and the certificate. Needs the extra ``tables``.
+        The columns are the costs, the reported values, and how the point was found: one column for each key of the
+        provenance. The table's ``attrs`` have the units by column, the status and the certificate. Install pandas with
+        ``hpop[tables]``.
         """
         return storage.dataframe(self)
 

@@ -128,7 +128,7 @@ class RosBase(RobotServer):
         return None if before == wanted == STAND else wanted
 
     def lost(self) -> None:
-        """Forget pose and people after the connection is lost; the base stops by itself then."""
+        """Forget the robot's pose and the people, as the connection is lost; the base must then stop by itself."""
         self.seen.forget()
         self.hearing.reset()
         self.velocity, self._at = STAND, -math.inf

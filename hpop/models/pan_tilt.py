@@ -284,7 +284,10 @@ class PanTilt(OnBase, PlanarModel):
         return HeadPose(self._mount(body), states) if body == "camera" else super().pose(body, states)
 
     def twist(self, body: str, states: States, rates: States) -> Twist:
-        """Return velocity and angular velocity of the base or the camera."""
+        """Return the velocity, m/s, and angular velocity, rad/s, of the body "base" or "camera", in the world's frame.
+
+        ``rates`` are the time derivatives of the states.
+        """
         if body != "camera":
             return super().twist(body, states, rates)
         return HeadTwist(self._mount(body), states, rates)

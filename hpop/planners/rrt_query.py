@@ -102,7 +102,8 @@ class TreeQuery:
     def trajectory(self, controls: FloatArray) -> Trajectory:
         """Return the trajectory that begins at rest at the start and follows controls (n, 3); n may be 0.
 
-        A row is a drive: its acceleration, m/s², angular acceleration, rad/s², and duration, s.
+        Each row is one drive, with three columns: acceleration (m/s²), angular acceleration (rad/s²) and duration (s).
+        With n = 0, the robot stays at the start.
         """
         if not len(controls):
             return Trajectory.from_poses(self.model, [self.start])

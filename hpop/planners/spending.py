@@ -120,9 +120,10 @@ class Spending:
         )
 
     def share(self, seconds: float) -> Limits:
-        """Return limits for an early stage: a time limit of ``seconds``, at most a quarter of the remaining time.
+        """Return the limits of an early stage of planning, which writes no checkpoint.
 
-        The stage writes no checkpoint.
+        The stage may take ``seconds``, but at most a quarter of the remaining time if there is a time limit. Its other
+        limits, and the error if no time or memory remains, are those of :meth:`left`.
         """
         left = replace(self.left(), checkpoint=None)
         return replace(left, time_limit=seconds if left.time_limit is None else min(seconds, left.time_limit / 4))

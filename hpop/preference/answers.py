@@ -283,8 +283,8 @@ class PairAnswer(NamedTuple):
 
     first, second  rows of the two points in the front, in the order in which they were shown
     chosen         row of the preferred point; None for "no difference"
-    costs          costs of both points, in the units of the preference
-    weight         number of answers that it counts for: 1, except for pairs that are derived from ratings
+    costs          costs (k,) of the first and of the second point, in the order and units of the :class:`CostScale`
+    weight         number of answers that it counts for: 1, or 2 / m for a pair that is derived from m ratings
     """
 
     first: int

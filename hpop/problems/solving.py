@@ -382,7 +382,7 @@ def _check_checkpoints(planners: Iterable[Planner]) -> None:
 
 
 def _checkpoints(planner: Planner) -> Iterator[tuple[str, Checkpoint]]:
-    """Yield name and checkpoint file of a planner, and of the planner that computes its warm start, if given."""
+    """Yield name and checkpoint file of a planner and of its warm start's planner; leave out those without a file."""
     warm = planner.warm_start
     searches = [(planner.name, planner.checkpoint)]
     for name, options in warm.items() if isinstance(warm, Mapping) else ():

@@ -159,7 +159,7 @@ def action_feedback(action: str, goal: str, values: Message) -> Message:
 
 
 def feedback(known: Interface, goal: str) -> Message:
-    """Return the feedback message that keeps a goal alive while it is planned; it has no fields."""
+    """Return the feedback message that is sent while a goal is planned: it has the goal's id, and no values."""
     return action_feedback(known.action, goal, {})
 
 

@@ -273,7 +273,11 @@ class Tracker:
         return moved
 
     def _errors(self, here: FloatArray) -> tuple[float, float, float]:
-        """Return how far the reference is ahead of a pose (3,), m, to its left, m, and turned to the left, rad."""
+        """Return the reference, at the present time of its clock, as seen from a pose (3,): x m, y m, yaw rad.
+
+        The result is its distance ahead, m, its distance to the left, m, and its rotation to the left, rad. Negative
+        values mean behind, to the right, and turned to the right.
+        """
         x, y, yaw, _, _ = self.at(self._clock)
         dx, dy, cos, sin = x - here[0], y - here[1], math.cos(here[2]), math.sin(here[2])
         return dx * cos + dy * sin, dy * cos - dx * sin, math.remainder(yaw - here[2], math.tau)

@@ -173,9 +173,11 @@ def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int
 
 
 def drawn_pairs(model: Model, world: World, rng: np.random.Generator, size: int) -> tuple[States, States]:
-    """Return random states a and b (size,) that the model calls joinable; raise ModelError if there are too few.
+    """Return random states a and b (size,), such that the model can join each a to its b (``model.joinable``).
 
-    For a model with time as a state, b is drawn nearer and nearer to a until the time suffices.
+    In each of up to DRAWS rounds, ``size`` random pairs are drawn, and those that can be joined are kept. If time is a
+    state of the model, each round draws b nearer to a than the round before, so that the robot gets from a to b in the
+    time between them. Raises ModelError if all rounds together give fewer than ``size`` pairs.
     """
     names, drawn = model.space.names, 0
     pairs: list[FloatArray] = []

@@ -152,7 +152,7 @@ def _png(figure: Figure, dpi: float) -> Callable[[], bytes]:
 
 
 def _write(path: Path, data: bytes) -> Path:
-    """Write data to a file completely or not at all, replacing an existing file."""
+    """Write data to a file, completely or not at all, and return its path; an existing file is replaced."""
     with replacing(path) as file:
         file.write(data)
     return path

@@ -91,10 +91,10 @@ def prisms(polygon: Polygon, heights: tuple[float, float], name: str) -> Iterato
 
 
 def convex_pieces(polygon: Polygon) -> list[Polygon]:
-    """Cut a polygon into convex polygons.
+    """Cut a polygon, which may have holes, into convex polygons.
 
-    The polygon is cut into triangles. Neighbouring pieces are then merged if their union is convex; pairs
-    with the longest common side come first.
+    The polygon is first cut into triangles. Then neighbouring pieces are merged if their union is convex, those with
+    the longest common side first. There may be more pieces than necessary.
 
     >>> sorted(p.area for p in convex_pieces(shapely.Polygon([(0, 0), (9, 0), (9, 1), (1, 1), (1, 3), (0, 3)])))
     [2.5, 8.5]

@@ -282,8 +282,8 @@ def _from_files(description: Mapping[str, Any], kind: str) -> World:
     hashes = None if world.source is None else list(world.source["sha256"])
     if hashes != list(description["sha256"]):
         raise MapError(
-            f"the map {description['path']!r} has changed since this was saved: its SHA-256 differs. Restore "
-            "the file, or plan again on the new map."
+            f"the map {description['path']!r} has changed since the result that refers to it was saved: its SHA-256 "
+            "differs. Restore the old map, or plan again on the new one."
         )
     return world
 

@@ -155,7 +155,7 @@ def test_a_map_that_changed_since_the_front_was_saved(
     write_map(room, door=1.2)
     world = {**(front.problem or {})["world"], "path": str(room / "map.yaml")}
     replace(front, problem={**(front.problem or {}), "world": world}).save(room / "front.json")
-    refused(run("show", room / "front.json"), 3, "has changed since this was saved")
+    refused(run("show", room / "front.json"), 3, "has changed since the result that refers to it")
 
 
 def test_a_huge_front_is_checked_in_part_and_says_so(

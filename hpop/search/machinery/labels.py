@@ -103,7 +103,10 @@ def check_order(closed: NDArray[Any], opened: NDArray[Any], solved: NDArray[Any]
 
 
 def check_solutions(is_target: NDArray[np.uint8], nodes: Nodes, ends: Nodes, first: NDArray[Any], most: int) -> None:
-    """Raise Unsound if a closed label (partial path) ends at a target, or a solution elsewhere or beyond a bound.
+    """Raise Unsound if saved labels (partial paths) do not fit the targets, or the bound on the first cost.
+
+    There are three faults: a closed label is at a target, a solution is not at a target, or a solution's first cost is
+    above ``most``. A closed label was extended by all arcs; a search never extends a label at a target.
 
     is_target     mask of nodes
     nodes (c,)    nodes of closed labels

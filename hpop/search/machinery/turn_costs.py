@@ -42,7 +42,10 @@ def index_costs(graph: Graph, column: int) -> tuple[IntArray, int]:
 
 
 def costs_of_plain_arcs(graph: Graph, origin: NDArray[np.int32]) -> IntArray | None:
-    """Return the costs (m, k) of plain arcs, given by their indices, of a graph without an array of all costs."""
+    """Return the costs (m, k) of plain arcs (arcs that are no turns); None if the graph stores the costs of all arcs.
+
+    origin  (m,)  indices of the plain arcs in the graph
+    """
     if graph.has_costs:
         return None
     costs = graph.ends_and_costs(origin)[1]

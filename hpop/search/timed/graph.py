@@ -140,8 +140,8 @@ class TimedGraph:
         for j, table in kept["standing"].items():
             if self.graph.aggregates[j] == "sum" and (np.diff(table, axis=1) < 0).any():
                 raise GraphError(
-                    f"standing[{j}] must not fall from tick to tick, as it is the cost of standing since tick 0; pass "
-                    "running sums"
+                    f"standing[{j}] must not fall from tick to tick: for cost {j}, column t has the cost of standing "
+                    "from tick 0 to tick t; pass running sums that begin with 0, not the costs of single ticks"
                 )
         kept["cut"] = _flags(self.cut, "cut", (places, width))
         stays = kept["stays"] = _flags(self.stays, "stays", (m,))

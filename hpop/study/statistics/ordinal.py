@@ -117,8 +117,9 @@ def ordinal_mixed(
     known = np.column_stack([np.ones(len(scores)), effects])
     if np.linalg.matrix_rank(known) < known.shape[1]:
         raise StudyError(
-            f"the effects {', '.join(names)} cannot be told apart in these orders of stimuli: take balanced orders "
-            "(williams or permutations), or ask more people"
+            f"the effects {', '.join(names)} cannot be told apart in these orders of stimuli, as some always occur "
+            "together: ask more people in other orders, or leave out one of these effects; in a new study, take "
+            "balanced orders (williams or permutations)"
         )
     data = Ordered(level.astype(np.int64), begins, effects[order], len(levels))
     below = np.cumsum(np.bincount(level))[:-1] / len(level)

@@ -1,8 +1,12 @@
-"""Obstruction phi: the fraction of a ball round the camera that is inside obstacles.
+"""Obstruction phi: the fraction of a ball around the camera that is inside obstacles.
 
-``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))`` with obstacles O (Becerra et al. 2020). For polygons it is
-computed in closed form, for cells as a convolution of the occupancy with the closed form of one cell, and for solids in
-space by rays. The first two are exact up to rounding.
+``phi(p) = volume(ball(p, r) and O) / volume(ball(p, r))``, where p is the position of the camera, r the radius of the
+ball, and O the obstacles (Becerra et al. 2020). There are three kinds of obstacles:
+
+- Polygons with a height: phi is computed in closed form, exact up to rounding.
+- Occupied cells of a grid, with a height: phi is a convolution of the occupancy with the closed form of one cell, also
+  exact up to rounding.
+- Solids in space: phi is approximated by rays.
 """
 
 from __future__ import annotations

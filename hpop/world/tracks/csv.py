@@ -87,7 +87,10 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
     if not {"t", "frame"} & set(places):
         lacking.insert(1, "t or frame")
     if lacking:
-        raise source.error(f"lacks a column for {', '.join(lacking)}; its header is {shown(list(titles))}.")
+        raise source.error(
+            f"lacks a column for {', '.join(lacking)}; its header is {shown(list(titles))}. Name the columns id, t (or "
+            "frame), x and y; other columns may stay."
+        )
     if {"t", "frame"} <= set(places):
         del places["frame"]  # both are equivalent; times need no rate
     for what, known, given in (("positions", UNITS, units["x"]), ("times", SECONDS, units["t"])):

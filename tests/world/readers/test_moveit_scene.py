@@ -167,7 +167,7 @@ def test_a_scene_is_described_by_its_file_and_refused_when_that_has_changed(tmp_
     assert len(described["sha256"][0]) == 64
     assert [s.describe() for s in World.from_description(described).bodies] == [s.describe() for s in world.bodies]
     written(tmp_path, changed("name", to="bathroom"))
-    with pytest.raises(MapError, match="has changed since this was saved"):
+    with pytest.raises(MapError, match="has changed since the result that refers to it"):
         World.from_description(described)
 
 

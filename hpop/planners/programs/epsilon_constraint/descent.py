@@ -88,9 +88,10 @@ class Descent:
 
     @cached_property
     def weights(self) -> FloatArray:
-        """Weights (k,) of the costs in the merit, the sum that steps lower.
+        """Weights (k,) of the costs in the merit: the weighted sum of costs that each step must lower.
 
-        The minimised cost decides; the small weights of the others break ties.
+        The minimised cost has nearly all the weight. The others have so little (SPREAD) that they only break ties. Each
+        weight is divided by the scale of its cost.
         """
         weights = np.full(len(self.criteria), SPREAD)
         weights[self.minimise] += 1.0

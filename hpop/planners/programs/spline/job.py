@@ -182,13 +182,15 @@ class SplineJob:
     def _candidate(
         self, knots: Knots, pieces: PieceCosts, bounds: FloatArray, run: _PathRun, settled: bool
     ) -> tuple[ImprovedTrajectory, str]:
-        """Return a spline as a candidate, and a text that names the costs in which it is worse than its path, or "".
+        """Make a candidate of a spline, and compare its costs with those of the path from which it was made.
 
-        A straight approach of the path follows the spline, from rest.
+        Returns the candidate, and a text that names the costs in which the spline is worse than the path. The text is
+        "" if there are none. Only costs with gradients are compared. If the path ends with a straight approach, as some
+        goals require, the candidate stops at the end of the spline and then makes this approach.
 
-        bounds   (k,)  costs of the path, without its straight approach
+        bounds   (k,)  costs of the path that have gradients, without its straight approach
         run      record of the work on the path
-        settled  whether one more step is predicted to gain almost nothing
+        settled  whether one more step is predicted to gain almost nothing; stored in the candidate's provenance
         """
         trajectory = knots.trajectory(self.problem.model, pieces.law)
         (costs,) = trajectory_costs(self.criteria, [trajectory], self.problem.world)
