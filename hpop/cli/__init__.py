@@ -8,6 +8,7 @@ from hpop.base.lazy import homes_of, on_first_use
 
 if TYPE_CHECKING:  # imported on first use, so that `hpop --help` and usage errors answer at once
     from hpop.cli import explain as explain
+    from hpop.cli import page_words as page_words
     from hpop.cli import picking as picking
     from hpop.cli import report as report
     from hpop.cli import serving as serving

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from hpop.base.text import counted, printable
+from hpop.cli.page_words import words_of
 from hpop.cli.report import number, plain_table, print_wide
 from hpop.cli.results import output_errors
 from hpop.criteria.base import quantity_of
@@ -189,21 +190,22 @@ class Difference(NamedTuple):
         return self.name if self.unit == "1" else f"{self.name} ({self.unit})"
 
 
-def differences(front: Front, pair: Sequence[int]) -> list[Difference]:
+def differences(front: Front, pair: Sequence[int], language: str = "en") -> list[Difference]:
     """Compare two rows of a front: return the two values of each cost, and their difference in words."""
-    found = []
+    found, texts = [], words_of(language)
     span = np.ptp(front.costs, axis=0)
     for j, (name, unit) in enumerate(zip(front.names, front.units, strict=True)):
         a, b = (float(front.costs[row, j]) for row in pair)
         quantum = float(front.quanta[j])
         if round((a - b) / quantum) == 0:
-            said = "the same"
+            said = texts.say("same")
         else:
             share, part = abs(a - b) / span[j], abs(a - b) / max(abs(a), abs(b))
-            much = "a little " if share < LITTLE or part < SMALL else "much " if share > MUCH else ""
-            less = f"{number(abs(a - b), quantum)}{'' if unit == '1' else f' {unit}'}"
-            said = f"{'a' if a < b else 'b'} has {much}less, by {less}"
-        found.append(Difference(name, unit, number(a, quantum), number(b, quantum), said))
+            less = "less_little" if share < LITTLE or part < SMALL else "less_much" if share > MUCH else "less"
+            amount = f"{texts.number(number(abs(a - b), quantum))}{'' if unit == '1' else f' {unit}'}"
+            said = texts.say(less, which="a" if a < b else "b", amount=amount)
+        of_a, of_b = (texts.number(number(value, quantum)) for value in (a, b))
+        found.append(Difference(texts.cost(name), unit, of_a, of_b, said))
     return found
 
 

@@ -14,6 +14,7 @@ import hpop
 from hpop import cli
 from hpop.base.text import argument
 from hpop.cli import results
+from hpop.cli.page_words import LANGUAGES
 from hpop.cli.results import loaded, problem_of
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import OutputError, StudyError
@@ -21,6 +22,8 @@ from hpop.errors import OutputError, StudyError
 # Heavy modules are imported inside functions, so that `hpop --help` and usage errors answer at once.
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from hpop.cli.picking import Difference
     from hpop.preference import FitCheck, Preference
     from hpop.problems.front import Front
@@ -30,7 +33,6 @@ FILE, PICTURE = "preference.json", "pair.png"
 DPI = 80
 PREFER, COMFORT = "prefer", "comfort"
 QUESTIONS = 12
-WORDS = {PREFER: "Which of the two do you prefer?", COMFORT: "Which of the two is more comfortable?"}
 ANSWERS = {"a": "a", "b": "b", "t": "tie", "tie": "tie", "s": "stop", "stop": "stop"}
 MOST_PORT = 65_535
 
@@ -39,6 +41,7 @@ class Asking:
     """Series of questions to one person about the trajectories of a front; each answer is saved at once.
 
     most    the largest number of questions
+    texts   texts of the page and of the questions, in the participant's language
     tested  True to test afterwards whether a weighted sum fits the person, by some more questions
     check   that test; None until it begins
     why     reason why no more questions are asked; "" while they go on
@@ -46,10 +49,17 @@ class Asking:
     """
 
     def __init__(
-        self, person: Preference, problem: Problem, front: Front, file: Path, most: int, tested: bool = False
+        self,
+        person: Preference,
+        problem: Problem,
+        front: Front,
+        file: Path,
+        most: int,
+        tested: bool = False,
+        language: str = "en",
     ) -> None:
         self.person, self.problem, self.front, self.file, self.most = person, problem, front, file, most
-        self.tested = tested
+        self.tested, self.texts = tested, cli.page_words.words_of(language)
         self.check: FitCheck | None = None
         self.why = self._why()
         self.pair = self._next()
@@ -62,7 +72,7 @@ class Asking:
     @property
     def words(self) -> str:
         """Return the text of the current question, with its number."""
-        return f"{self.number}. {WORDS[self.person.question]}"
+        return f"{self.number}. {self.texts.say(self.person.question)}"
 
     @property
     def is_over(self) -> bool:
@@ -88,25 +98,37 @@ class Asking:
     def differences(self) -> list[Difference]:
         """Compare the costs of the two trajectories of the current question."""
         assert self.pair is not None
-        return cli.picking.differences(self.front, self.pair)
+        return cli.picking.differences(self.front, self.pair, self.texts.language)
 
     def picture(self) -> bytes:
-        """Return a PNG image: a map with the two trajectories of the current question."""
+        """Return a PNG image for the page: a map of both trajectories, without words, which would be English."""
+        return _png(self.figure(wordless=True))
+
+    def figure(self, *, wordless: bool) -> Figure:
+        """Return a map of the two trajectories of the current question, with legends or without words."""
         import numpy as np
 
         assert self.pair is not None
         both = self.front[np.isin(np.arange(len(self.front)), self.pair)]
         places = {name: int(row > min(self.pair)) for name, row in zip("ab", self.pair, strict=True)}
-        data = io.BytesIO()
-        hpop.view.draw_map(self.problem, both, chosen=places).savefig(data, format="png", dpi=DPI)
-        return data.getvalue()
+        figure = hpop.view.draw_map(self.problem, both, chosen=places)
+        if wordless:
+            whole, *bars = figure.axes
+            whole.set_axis_off()
+            captions = [text for text in whole.texts if text.get_gid() == "caption"]
+            for part in [*bars, *figure.legends, *figure.texts, *captions]:
+                part.remove()
+        return figure
 
     def result(self) -> list[str]:
         """Return the result in words: the person's best trajectory, or a warning that no preference can be seen."""
-        best = self.person.best()
-        said = f"For you: trajectory {best.row}, the best one with probability {best.probability[best.row]:.2f}."
-        words = [said] if self.person.can_be_seen else [f"No preference can be seen so far. {said}"]
-        return words if self.check is None else [*words, self.check.words()]
+        best, texts = self.person.best(), self.texts
+        share = texts.number(f"{best.probability[best.row]:.2f}")
+        words = [] if self.person.can_be_seen else [texts.say("unseen")]
+        words.append(texts.say("best", row=best.row, share=share))
+        if self.check is not None:
+            words.append(texts.say("fits") if self.check.fits else texts.say("unfit", row=self.check.best))
+        return words
 
     def _why(self) -> str:
         return self.person.why_stop(self.most)
@@ -139,6 +161,12 @@ class Asking:
 )
 @click.option("--check", is_flag=True, help="Test with 8 more questions whether a weighted sum fits the person.")
 @click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine only.")
+@click.option(
+    "--language",
+    type=click.Choice(LANGUAGES),
+    metavar="|".join(LANGUAGES),
+    help="Language of the page: English, German or Finnish. [en]",
+)
 @click.option("--port", type=click.IntRange(0, MOST_PORT), default=0, metavar="PORT", help="Port of the page. [any]")
 @imports_option
 @user_errors
@@ -150,6 +178,7 @@ def prefer(
     seed: int | None,
     check: bool,
     web: bool,
+    language: str | None,
     port: int,
     imports: tuple[str, ...],
 ) -> None:
@@ -160,11 +189,13 @@ def prefer(
     are kept, and the same command continues. The answers and the inferred weights of costs are written to a file, for
     `hpop show --preference` and `choose` in a scenario.
     """
+    if language is not None and not web:
+        raise click.UsageError("--language is that of the page: give --web too; the terminal asks in English")
     cli.user_code.register(imports)
     path, front = loaded(folder)
     problem = problem_of(path, front)
     file = path.with_name(FILE) if out is None else out
-    asking = Asking(_person(front, file, question, seed), problem, front, file, most, check)
+    asking = Asking(_person(front, file, question, seed), problem, front, file, most, check, language or "en")
     try:
         if web and not asking.is_over:
             cli.serving.serve(asking, port, echo)
@@ -215,7 +246,7 @@ def _ask(asking: Asking, picture: Path) -> None:
     try:
         while asking.pair is not None:
             with results.output_errors(f"cannot write {picture}", "give a folder that can be written to"):
-                picture.write_bytes(asking.picture())
+                picture.write_bytes(_png(asking.figure(wordless=False)))
             echo(f"\n{asking.words}")
             cli.report.print_wide(Console(), cli.picking.pair_table(asking.front, asking.pair))
             echo(f"both on the map: {picture}")
@@ -223,6 +254,13 @@ def _ask(asking: Asking, picture: Path) -> None:
     finally:
         with suppress(OSError):
             picture.unlink(missing_ok=True)
+
+
+def _png(figure: Figure) -> bytes:
+    """Return a figure as a PNG image without margins."""
+    data = io.BytesIO()
+    figure.savefig(data, format="png", dpi=DPI, bbox_inches="tight")
+    return data.getvalue()
 
 
 def _answered() -> str:

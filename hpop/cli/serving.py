@@ -41,6 +41,7 @@ from hpop.runtime.page_server import LOCAL as LOCAL
 from hpop.runtime.page_server import PageServer, body
 
 if TYPE_CHECKING:
+    from hpop.cli.page_words import PageWords
     from hpop.cli.picking import Difference
 
 
@@ -171,20 +172,18 @@ button{font:inherit;padding:.6rem 1.2rem;margin:.3rem .5rem .3rem 0;border:1px s
 button{background:#fff;color:#1b1b1b;cursor:pointer}button:focus-visible{outline:3px solid #1a6fb0}
 form{position:sticky;bottom:0;background:#fff;padding:.3rem 0}button{min-height:44px}h1{font-size:1.6rem}
 button.main{background:#1a6fb0;color:#fff;border-color:#1a6fb0}
+p.legend{font-size:.85rem;color:#555;margin:.3rem 0}
 th.a{border-bottom:3px solid #000}th.b{border-bottom:3px dashed #d55e00}
 @media(max-width:560px){body{margin:.5rem auto}h1{font-size:1.25rem}table{margin:.5rem 0}td{font-size:.9rem}
 form{padding:.5rem 0;display:grid;grid-template-columns:1fr 1fr;gap:.5rem}
 button{margin:0}}"""
-HEAD = (
-    "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>"
-    f"<title>Which do you prefer?</title><style>{STYLE}</style><main>"
-)
-LABELS = {"a": "I prefer a", "b": "I prefer b", "tie": "No difference", "stop": "Stop here"}
+ANSWERS = ("a", "b", "tie", "stop")
 
 
 class Questionnaire(Protocol):
     """Interface between the page and a series of questions: the current question with its picture, or the result.
 
+    texts        texts of the page, in the participant's language
     number       of the current question, from 1
     words        text of the current question
     is_over      whether no question is left
@@ -194,6 +193,8 @@ class Questionnaire(Protocol):
     answer       saves "a", "b" or "tie" and goes on to the next question; "stop" ends the questions
     """
 
+    @property
+    def texts(self) -> PageWords: ...
     @property
     def number(self) -> int: ...
     @property
@@ -208,9 +209,10 @@ class Questionnaire(Protocol):
 
 def page_of(questions: Questionnaire) -> str:
     """Return the HTML page: the current question with map, table and buttons, or the result after the last question."""
+    texts = questions.texts
     if questions.is_over:
-        result = "".join(f"<p>{html.escape(printable(line))}</p>" for line in questions.result())
-        return f"{HEAD}<h1>Thank you</h1>{result}<p>You can close this page.</p>"
+        result = "".join(f"<p>{html.escape(printable(line))}</p>" for line in [*questions.result(), texts.say("close")])
+        return f"{_head(texts)}<h1>{html.escape(texts.say('thanks'))}</h1>{result}"
     rows = "".join(
         "<tr>"
         + "".join(f"<td>{html.escape(printable(cell))}</td>" for cell in (cost.label, cost.a, cost.b, cost.words))
@@ -219,23 +221,32 @@ def page_of(questions: Questionnaire) -> str:
     )
     image = b64encode(questions.picture()).decode()
     buttons = "".join(
-        f"<button name=answer value={word}{' class=main' * (word in 'ab')}>{label}</button>"
-        for word, label in LABELS.items()
+        f"<button name=answer value={word}{kind}>{html.escape(texts.say(word))}</button>"
+        for word, kind in zip(ANSWERS, (" class=main", " class=main", "", ""), strict=True)
     )
     return (
-        f"{HEAD}<h1>{html.escape(questions.words)}</h1>"
-        f"<img alt='Map of both trajectories, a and b' src='data:image/png;base64,{image}'>"
+        f"{_head(texts)}<h1>{html.escape(questions.words)}</h1>"
+        f"<img alt='{html.escape(texts.say('map'))}' src='data:image/png;base64,{image}'>"
+        f"<p class=legend>{html.escape(texts.say('legend'))}</p>"
         "<table><tr><td aria-hidden=true></td><th class=a scope=col>a</th><th class=b scope=col>b</th>"
         f"<td aria-hidden=true></td></tr>{rows}</table>"
         f"<form method=post><input type=hidden name=question value={questions.number}>{buttons}</form>"
     )
 
 
-def _page_of_loss(why: str, address: str) -> str:
+def _head(texts: PageWords) -> str:
+    """Return the beginning of every page."""
+    return (
+        f"<!doctype html><html lang={texts.language}><meta charset=utf-8><meta name=viewport "
+        f"content='width=device-width'><title>{html.escape(texts.say('title'))}</title><style>{STYLE}</style><main>"
+    )
+
+
+def _page_of_loss(texts: PageWords, why: str, address: str) -> str:
     """Return the HTML page which says that an answer could not be saved; a link leads back to the same question."""
-    reason = html.escape(printable(why))
-    way_back = f"<p><a href={address}>Ask again</a></p>"
-    return f"{HEAD}<h1>Please answer again</h1><p>The answer was not saved: {reason}</p>{way_back}"
+    said = html.escape(texts.say("lost", reason=printable(why)))
+    way_back = f"<p><a href={address}>{html.escape(texts.say('again'))}</a></p>"
+    return f"{_head(texts)}<h1>{html.escape(texts.say('again_title'))}</h1><p>{said}</p>{way_back}"
 
 
 def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> None:
@@ -254,7 +265,7 @@ def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> No
 
     def answer(word: str, number: str) -> None:
         with lock:
-            if word in LABELS and number == str(questions.number) and not questions.is_over:
+            if word in ANSWERS and number == str(questions.number) and not questions.is_over:
                 questions.answer(word)
 
     async def take(request: Request) -> Response:
@@ -267,7 +278,7 @@ def serve(questions: Questionnaire, port: int, say: Callable[[str], None]) -> No
             await run_in_threadpool(answer, given.get("answer", [""])[0], given.get("question", [""])[0])
         except OutputError as error:
             say(str(error))
-            page = _page_of_loss(str(error), f"/{token}")
+            page = _page_of_loss(questions.texts, str(error), f"/{token}")
             return HTMLResponse(page, HTTPStatus.INTERNAL_SERVER_ERROR, {"Content-Security-Policy": POLICY})
         return RedirectResponse(f"/{token}", HTTPStatus.SEE_OTHER)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import socket
@@ -16,10 +17,14 @@ from urllib.parse import urlencode
 import numpy as np
 import pytest
 from click.testing import Result
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 import hpop
 from hpop.cli import preferring, serving
+from hpop.cli.page_words import LANGUAGES, words_of
 from hpop.cli.picking import differences
+from hpop.criteria.base import criteria
 from hpop.errors import OutputError
 from hpop.frontier import ItemFront
 from hpop.preference import Preference
@@ -38,7 +43,7 @@ def folder(tmp_path: Path) -> Path:
 @pytest.fixture
 def without_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
     """Draw no maps: each takes half a second; one test draws them."""
-    monkeypatch.setattr(preferring.Asking, "picture", lambda self: b"")
+    monkeypatch.setattr(preferring.Asking, "figure", lambda self, wordless: Figure())
 
 
 def test_somebody_is_asked_and_the_best_row_is_told_and_kept(folder: Path, run: Run) -> None:
@@ -159,6 +164,8 @@ def test_differences_are_told_in_words() -> None:
 class Questions:
     """Stand-in for a page: two questions and a result."""
 
+    texts = words_of("en")
+
     def __init__(self) -> None:
         self.given: list[str] = []
         self.disk_is_full = False
@@ -250,3 +257,63 @@ def test_the_page_asks_takes_each_answer_once_and_tells_the_end_to_who_knows_its
     assert not thread.is_alive()
     assert asked.given == ["a", "tie"]
     assert capfd.readouterr().err == ""
+
+
+def visible(page: str) -> str:
+    """Return what a participant can read or hear on a page: text, the title, and the text for screen readers."""
+    without = re.sub(r"<style>.*?</style>", "", page, flags=re.DOTALL)
+    heard = re.findall(r"alt='([^']*)'", without)
+    return html.unescape(" ".join([re.sub(r"<[^>]*>", " ", without), *heard]))
+
+
+def read_words(text: str) -> set[str]:
+    """Return the words of at least two letters in a text, in small letters."""
+    return set(re.findall(r"[^\W\d_]{2,}", text.lower()))
+
+
+@pytest.mark.parametrize("language", [language for language in LANGUAGES if language != "en"])
+def test_no_english_word_remains_on_a_page_in_another_language(language: str, tmp_path: Path) -> None:
+    """Every text is read: both questions, the results, the page of a loss, and the names of all criteria of hpop."""
+    names = ["clearance", "length", "turns"]
+    front: Any = ItemFront.of(people.front(30).costs, names=names, units=["m"] * 3, quanta=[1e-6] * 3)
+    pages: dict[str, str] = {}
+    for spoken in (language, "en"):
+        texts, shown = words_of(spoken), list[str]()
+        for question in (preferring.PREFER, preferring.COMFORT):
+            person = Preference.fit(front, question=question, ties=True, seed=1)
+            asking = preferring.Asking(person, None, front, tmp_path / "p.json", 2, True, spoken)  # type: ignore[arg-type]
+            asking.picture = lambda: b""  # type: ignore[method-assign]
+            shown.append(serving.page_of(asking))
+            while not asking.is_over:
+                asking.answer("a")
+            shown.append(serving.page_of(asking))
+        assert asking.check is not None
+        shown += [texts.say("unfit", row=3), texts.say("unseen"), texts.say("same"), *map(texts.cost, criteria)]
+        shown += [texts.say(less, which="a", amount=1) for less in ("less", "less_little", "less_much")]
+        shown.append(serving._page_of_loss(texts, "", "/x"))
+        pages[spoken] = " ".join(map(visible, shown)).replace("_", " ")
+        assert f"<html lang={spoken}>" in shown[0]
+    assert (read_words(pages[language]) & read_words(pages["en"])) - ALIKE[language] == set()
+    assert texts.texts.keys() == words_of(language).texts.keys() - {f"cost_{name}" for name in criteria}
+
+
+ALIKE = {"de": {"die", "hand", "in"}, "fi": {"on"}}
+"""Words that are written alike in English and in another language."""
+
+
+def test_the_map_of_the_page_has_no_words_but_start_goal_and_a_scale(folder: Path) -> None:
+    problem, front = seeded(60)
+    asking = preferring.Asking(Preference.fit(front, ties=True, seed=1), problem, front, folder / "p.json", 1)
+    drawn = asking.figure(wordless=True)
+    drawn.canvas.draw()
+    said = {text.get_text() for text in drawn.findobj(Text) if text.get_visible()} - {""}
+    ticks = {label.get_text() for axis in (drawn.axes[0].xaxis, drawn.axes[0].yaxis) for label in axis.get_ticklabels()}
+    ticks |= {drawn.axes[0].get_xlabel(), drawn.axes[0].get_ylabel()}
+    assert not drawn.axes[0].axison
+    assert said - ticks == {"S", "G", "5 m"}
+
+
+def test_a_language_is_that_of_the_page(folder: Path, run: Run) -> None:
+    result = run("prefer", folder, "--language", "de")
+    assert result.exit_code == 2
+    assert "--language is that of the page: give --web too" in result.output
