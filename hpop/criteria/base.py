@@ -32,6 +32,7 @@ from hpop.errors import CriterionError, did_you_mean
 from hpop.motions import Model, lacking
 
 if TYPE_CHECKING:
+    from hpop.criteria.comfort.sickness import Weighting
     from hpop.criteria.convex import ConvexCost, ConvexPath
     from hpop.motions import States
     from hpop.world import World
@@ -70,6 +71,8 @@ class Criterion(Protocol):
                  print it before the unit; ""
     ball_radius  m, radius of a ball round the camera; pictures shade the map by its obstructed fraction; None
     measured_field  name of a measured field of the world, by which pictures shade the map; "" for the only one; None
+    dose         for the root of the integral of a body's squared weighted acceleration: the body and the frequency
+                 weighting, whose filter programs may have as states; None
     bound        method: takes two states (M,), returns a lower bound (M,) on the cost of any trajectory between them;
                  None
     convex       method: takes a polyline, returns its cost as a convex expression (:mod:`hpop.criteria.convex`); None
@@ -120,6 +123,8 @@ class Criterion(Protocol):
         @property
         def measured_field(self) -> str | None: ...
         @property
+        def dose(self) -> tuple[str, Weighting] | None: ...
+        @property
         def bound(self) -> Callable[[States, States], Column] | None: ...
         @property
         def convex(self) -> Callable[[ConvexPath], ConvexCost] | None: ...
@@ -162,6 +167,7 @@ CRITERION_DEFAULTS: dict[str, Any] = {
     "ball_radius": None,
     "measured_field": None,
     "quantity": "",
+    "dose": None,
     "bound": None,
     "convex": None,
 }

@@ -8,22 +8,26 @@ import casadi
 import numpy as np
 import pytest
 import shapely
-from scipy.signal import tf2ss
 
 import hpop
 from hpop.criteria.comfort.sickness import W_D, W_F, W_K
 from hpop.models.driven import driven
 from hpop.motions import States
 from hpop.planners.programs.weighted_profiles import FilterMatrices, WeightedMotion, WeightedProgram
+from tests.iso_filters import motion_sickness
 
 WORLD = hpop.World.from_polygons([], extent=shapely.box(-60, -60, 60, 60))
 SEAT = (0.2, 0.1, 0.5)
 ROBOT = hpop.DifferentialDrive(seat=SEAT, speed=2.0, acceleration=1.0, turn_rate=1.5, turn_acceleration=3.0)
+CAR = hpop.Ackermann(wheelbase=1.6, seat=SEAT, speed=3.0, acceleration=1.0, steering_rate=0.25)
 TINY = 1e-2  # share of a dose by which programs may miss a local minimum, for even accelerations
 ROADS = {  # controls of `driven`: accelerations, m/s² and rad/s², for some seconds
     "straight": [(1.0, 0, 1.5), (0, 0, 4.0), (-1.0, 0, 1.5)],
     "bend": [(0.8, 0, 1.5), (0, 0.5, 0.8), (0, 0, 2.5), (0, -0.5, 0.8), (-0.8, 0, 1.5)],
     "s": [(0.8, 0, 1.5), (0, 0.5, 0.8), (0, 0, 1.5), (0, -0.5, 1.6), (0, 0, 1.5), (0, 0.5, 0.8), (-0.8, 0, 1.5)],
+}
+CAR_ROADS = {  # length, m, of each piece and curvature at its end, 1/m; the car begins straight ahead
+    "bends of a car": [(6.0, 0.0), (4.0, 0.3), (3.0, 0.3), (5.0, -0.35), (4.0, 0.0), (5.0, 0.0)],
 }
 
 
@@ -47,12 +51,15 @@ def bends_of(controls):
     return np.array(places).T
 
 
-def optimal_control(controls, weight, pieces=120):
+def optimal_control(road, limits, weight, pieces=120):
     """Minimise duration + weight * dose² in time, by multiple shooting; return the duration, s, and the dose, m/s^1.5.
 
-    The acceleration is constant in equal intervals of time; the path is known by its curvature over distance.
+    The acceleration is constant in equal intervals of time. The filter is that of the standard, from zeros and poles.
+
+    road    distances, m, and the curvature there, 1/m, which is linear between them
+    limits  returns values and their largest sizes from the speed, the acceleration, and the curvature and its slope
     """
-    place, bend = bends_of(controls)
+    place, bend = road
     steep = np.array(
         [(b - a) / max(e - s, 1e-9) for (s, e), (a, b) in zip(pairwise(place), pairwise(bend), strict=True)]
     )
@@ -66,8 +73,9 @@ def optimal_control(controls, weight, pieces=120):
             slope += inside * steep[i]
         return found, slope
 
-    sections = [tf2ss(numerator, denominator) for numerator, denominator in W_F.sections]
-    state, a = casadi.MX.sym("state", 2 + 4 * len(sections) + 1), casadi.MX.sym("a")
+    A, B, C, D = (casadi.DM(matrix) for matrix in motion_sickness())
+    n = A.size1()
+    state, a = casadi.MX.sym("state", 2 + 2 * n + 1), casadi.MX.sym("a")
     d, v = state[0], state[1]
     k, slope = curvature(d)
     turn, spin = k * v, k * a + slope * v**2
@@ -75,11 +83,9 @@ def optimal_control(controls, weight, pieces=120):
     felt = [a - spin * left - turn**2 * ahead, v * turn + spin * ahead - turn**2 * left]
     rates, square = [v, a], 0.0
     for j, signal in enumerate(felt):
-        for i, (A, B, C, D) in enumerate(sections):
-            x = state[2 + 2 * (j * len(sections) + i) :][:2]
-            rates.append(casadi.mtimes(casadi.DM(A), x) + casadi.DM(B) * signal)
-            signal = casadi.mtimes(casadi.DM(C), x) + float(D[0, 0]) * signal
-        square += signal**2
+        x = state[2 + j * n : 2 + (j + 1) * n]
+        rates.append(casadi.mtimes(A, x) + B * signal)
+        square += (casadi.mtimes(C, x) + D * signal) ** 2
     rate = casadi.Function("rate", [state, a], [casadi.vertcat(*rates, square)])
     step = casadi.MX.sym("step")
     now = state
@@ -91,18 +97,15 @@ def optimal_control(controls, weight, pieces=120):
         k4 = rate(now + h * k3, a)
         now = now + h / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
     advance = casadi.Function("advance", [state, a, step], [now])
-    wheels = casadi.Function("wheels", [state, a], [v + 0.2 * turn, v - 0.2 * turn, a + 0.2 * spin, a - 0.2 * spin])
+    shares = casadi.Function(
+        "shares", [state, a], [casadi.vertcat(*(value / most for value, most in limits(v, a, k, slope)))]
+    )
 
     program = casadi.Opti()
     states, forces, duration = program.variable(state.numel(), pieces + 1), program.variable(pieces), program.variable()
     for i in range(pieces):
         program.subject_to(states[:, i + 1] == advance(states[:, i], forces[i], duration / pieces))
-        left_speed, right_speed, left_change, right_change = wheels(states[:, i], forces[i])
-        for value, limit in (
-            (left_speed, ROBOT.wheel_speed), (right_speed, ROBOT.wheel_speed),
-            (left_change, ROBOT.wheel_acceleration), (right_change, ROBOT.wheel_acceleration),
-        ):  # fmt: skip
-            program.subject_to(program.bounded(-limit, value, limit))
+        program.subject_to(program.bounded(-1.0, shares(states[:, i], forces[i]), 1.0))
     program.subject_to(states[:, 0] == 0)
     program.subject_to(states[0, -1] == place[-1])
     program.subject_to(states[1, -1] == 0)
@@ -118,14 +121,46 @@ def optimal_control(controls, weight, pieces=120):
     return float(solution.value(duration)), float(np.sqrt(solution.value(states[-1, -1])))
 
 
+def wheels(v, a, k, slope):
+    """Return speeds and accelerations of both wheels of ROBOT, 0.2 m beside its axis, with their limits."""
+    turn, spin = k * v, k * a + slope * v**2
+    for side in (0.2, -0.2):
+        yield v + side * turn, ROBOT.wheel_speed
+        yield a + side * spin, ROBOT.wheel_acceleration
+
+
+def steering(v, a, k, slope):
+    """Return the speed, the acceleration, and the rate of the steering angle atan(L k) of CAR, with their limits."""
+    yield v, CAR.speed
+    yield a, CAR.acceleration
+    yield CAR.wheelbase * slope * v / (1 + (CAR.wheelbase * k) ** 2), CAR.steering_rate
+
+
+def on_clothoids(pieces):
+    """Return the ride of CAR along a road, given by (length, curvature at the end) of its pieces, as clothoids."""
+    knots, yaw, bend = [(0.0, 0.0, 0.0)], 0.0, 0.0
+    for length, after in pieces:
+        share = (np.arange(2000) + 0.5) / 2000
+        heading = yaw + length * share * (bend + 0.5 * (after - bend) * share)
+        step = length * np.cos(heading).mean(), length * np.sin(heading).mean()
+        yaw, bend = yaw + 0.5 * length * (bend + after), after
+        knots.append((knots[-1][0] + step[0], knots[-1][1] + step[1], yaw))
+    columns = dict(zip(("x", "y", "yaw"), np.array(knots).T, strict=True))
+    return hpop.Trajectory(CAR, States(**columns), ("clothoid",) * len(pieces))
+
+
 @pytest.mark.proof
-@pytest.mark.parametrize("road", ROADS)
+@pytest.mark.parametrize("road", [*ROADS, *CAR_ROADS])
 def test_profiles_are_as_good_as_a_weighted_sweep_of_optimal_control_in_time(road):
-    path = driven(ROBOT, (0, 0, 0), ROADS[road])
+    if road in ROADS:
+        path, known, limits = driven(ROBOT, (0, 0, 0), ROADS[road]), bends_of(ROADS[road]), wheels
+    else:
+        pieces = np.array([(0.0, 0.0), *CAR_ROADS[road]])
+        path, known, limits = on_clothoids(CAR_ROADS[road]), (np.cumsum(pieces[:, 0]), pieces[:, 1]), steering
     problem = problem_of(path)
     least = hpop.retime(problem, path, discomfort="felt_msdv", points=1).costs[0, 0]
     for weight in (3.0, 100.0):
-        duration, dose = optimal_control(ROADS[road], weight)
+        duration, dose = optimal_control(known, limits, weight)
         front = hpop.retime(problem, path, discomfort="felt_msdv", points=2, slowest=max(duration / least, 1.001))
         found, felt = front.costs[-1]
         assert found <= duration * 1.002

@@ -7,6 +7,7 @@ off the axis of the base, turns add accelerations. Only what the robot's own mot
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from hpop.base.options import MOST, set_reals
 from hpop.criteria.base import criterion
 from hpop.criteria.comfort import body_motion
 from hpop.criteria.comfort.motion import squared_jerk
-from hpop.criteria.comfort.sickness import W_D, W_K, sickness_dose
+from hpop.criteria.comfort.sickness import W_D, W_F, W_K, sickness_dose
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions
 from hpop.trajectories.history import History
@@ -43,6 +44,8 @@ class FeltMSDV:
     may vomit. Deviation: the horizontal components count too. Accelerations along all three axes make people about
     equally sick, most near 0.2 Hz (doi 10.1177/09574271261446596, of which only the abstract was read).
     """
+
+    dose: ClassVar = ("seat", W_F)
 
     def cost(self, m: History) -> FloatArray:
         """Return the dose (M,), m/s^1.5, up to the end of each motion."""

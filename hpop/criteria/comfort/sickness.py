@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -105,6 +106,8 @@ class MSDV:
     A seated user feels nothing and only sees the robot's motion, most of which is horizontal. So use this number to
     compare trajectories, not as a prediction.
     """
+
+    dose: ClassVar = ("camera", W_F)
 
     def cost(self, m: History) -> FloatArray:
         """Return the dose (M,), m/s^1.5, up to the end of each motion."""

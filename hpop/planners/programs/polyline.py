@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
     from hpop.world.geometry.planar import FreeSpace
 
+POINTS = 20  # of a driven path in each motion, for the comparison of homotopy classes
 PIECE = 0.6  # m: costs of a segment are integrated, and its clearance is sampled, in pieces of about this length
 
 
@@ -235,6 +236,14 @@ def _points(trajectory: Trajectory, speed: float) -> FloatArray:
     points = np.stack([states.x, states.y], axis=1)
     new = np.append(True, (np.diff(points, axis=0) != 0).any(axis=1))
     return points[new] if new.sum() > 1 else points[[0, -1]]
+
+
+def path_points(trajectory: Trajectory) -> FloatArray:
+    """Return points (N, 2), m, along a driven trajectory."""
+    share = np.arange(POINTS) / POINTS
+    times = (trajectory.times[:-1, None] + trajectory.durations[:, None] * share).ravel()
+    states = trajectory.at(np.append(times, trajectory.duration))
+    return np.stack([states.x, states.y], axis=1)
 
 
 def homotopic(first: FloatArray, second: FloatArray, space: FreeSpace) -> bool:

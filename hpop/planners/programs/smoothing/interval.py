@@ -20,6 +20,7 @@ from hpop.motions import Motions, States
 from hpop.motions.symbolic import lift
 from hpop.planners.needs import on_wheels
 from hpop.planners.programs.nlp import Slacks, moments, on_symbols, slackened, vector
+from hpop.planners.programs.smoothing.dose import Dose
 from hpop.world.fields.symbols import looking
 from hpop.world.ground import Heights
 
@@ -72,8 +73,8 @@ class Forward(Drive):
 class Interval:
     """Nonlinear functions of one interval, as formulas of its own variables.
 
-    The variables are the values at its first and last node, its duration, and a slack for each hinge ``max(x, 0)`` in
-    the costs. Its parameter is the sign of the yaw rate.
+    The variables are the values at its first and last node, its duration, a slack for each hinge ``max(x, 0)`` in the
+    costs, and the filter states of a dose at both nodes. Its parameter is the sign of the yaw rate.
 
     criteria  k criteria
     heights   height ranges with different obstacles
@@ -84,6 +85,22 @@ class Interval:
     criteria: tuple[Criterion, ...]
     heights: tuple[Heights, ...]
     shares: tuple[float, ...]
+
+    @cached_property
+    def dose(self) -> Dose | None:
+        """Formulas of the criterion that is a dose, of which there may be one."""
+        model = self.problem.model
+        for criterion in self.criteria:
+            if criterion.dose is not None:
+                body, weighting = criterion.dose
+                mount = model.mounts[body]
+                return Dose(weighting, mount.ahead, mount.left)
+        return None
+
+    @property
+    def filters(self) -> int:
+        """Number of filter states at each node."""
+        return 0 if self.dose is None else self.dose.size
 
     @cached_property
     def hinges(self) -> int:
@@ -99,8 +116,8 @@ class Interval:
 
         The columns are the defects of the law (zero if the end follows from the start), the effort (squared
         accelerations), the costs of each criterion, and the clearances of each height range. A criterion that is a
-        maximum has a cost for each sampled moment. If there are hinges, a last column has the excess of each over its
-        slack.
+        maximum has a cost for each sampled moment; of a dose, it is the square. If there is a dose, a column has the
+        defects of its filter states. If there are hinges, a last column has the excess of each over its slack.
         """
         import casadi
 
@@ -114,11 +131,12 @@ class Interval:
         fields = [world.clearance_field(z=z) for z in self.heights]
         clear = [[vector(field(*position), 1) for position in positions] for field in fields]
         costs, slacks = self._costs(motions)
+        filtered = self._filtered(z, costs)
         excess = [below - symbol for below, symbol in zip(slacks.below, slacks.symbols, strict=True)]
-        groups = [_column(group) for group in (defects, [effort], *costs, *clear, excess)]
+        groups = [_column(group) for group in (defects, [effort], *costs, *clear, *filtered, excess)]
         if not excess:
             return groups
-        variables = casadi.vertsplit(z[OWN:], 1)
+        variables = casadi.vertsplit(z[OWN : z.numel() - 2 * self.filters], 1)
         if len(variables) != len(excess):  # CasADi crashes
             raise ValueError(
                 f"an interval with {len(excess)} hinges needs {OWN + len(excess)} variables, got {z.numel()}; pass one "
@@ -137,10 +155,26 @@ class Interval:
     def _costs(self, motions: Motions) -> tuple[list[list[Any]], Slacks]:
         with slackened() as slacks:
             costs = [
-                [on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])]
+                []
+                if criterion.dose is not None
+                else [
+                    on_symbols(criterion, m) for m in (moments(motions) if criterion.aggregate == "max" else [motions])
+                ]
                 for criterion in self.criteria
             ]
         return costs, slacks
+
+    def _filtered(self, z: Any, costs: list[list[Any]]) -> list[list[Any]]:
+        """Return the defects of the filter states in a list, and write the square of the dose into ``costs``."""
+        if self.dose is None:
+            return []
+        place = next(j for j, criterion in enumerate(self.criteria) if criterion.dose is not None)
+        first, speed, turn = z.numel() - 2 * self.filters, NODES.index("speed"), NODES.index("turn_rate")
+        ends = (z[speed], z[len(NODES) + speed], z[turn], z[len(NODES) + turn])
+        states = z[first : first + self.filters], z[first + self.filters :]
+        defects, square = self.dose.formulas(*states, ends, z[OWN - 1])
+        costs[place].append(square)
+        return [defects]
 
 
 def _column(values: list[Any]) -> Any:

@@ -20,9 +20,17 @@ from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
 from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, SOLVING, Deadline, ImprovedTrajectory, Outcome
-from hpop.planners.programs.polyline import Polyline, homotopic
-from hpop.planners.programs.smoothing.phases import Guess, Phases, first_guess, phase_legs, structure_of
-from hpop.planners.programs.smoothing.program import CostTargets, DrivenProgram, ProgramSolution
+from hpop.planners.programs.polyline import Polyline, homotopic, path_points
+from hpop.planners.programs.smoothing.phases import (
+    CostTargets,
+    Guess,
+    Phases,
+    ProgramSolution,
+    first_guess,
+    phase_legs,
+    structure_of,
+)
+from hpop.planners.programs.smoothing.program import DrivenProgram
 from hpop.runtime.limits import LimitPassed, within
 from hpop.trajectories.trajectory import Trajectory
 
@@ -162,7 +170,6 @@ OVERSHOOT = 1.2  # times its excess: by how much the bound of a maximum is lower
 LEAST_LEFT = 0.4  # of its value: a lowered bound is not less
 SPARE = 5e-3  # m: by which a clearance bound is raised beyond the missing clearance
 LATE = "not settled"  # counted by jobs that the deadline ended while they refined
-POINTS = 20  # per interval, for the comparison of homotopy classes
 
 
 class _Solved(NamedTuple):
@@ -198,8 +205,11 @@ class SmoothingJob:
 
     @property
     def smooth(self) -> list[int]:
-        """Indices of the criteria with a gradient, which the program has; the others only count moves and turns."""
-        return [j for j, criterion in enumerate(self.criteria) if criterion.smooth]
+        """Indices of the criteria that the program has: those with a gradient, and a dose that is minimised.
+
+        The others only count moves and turns.
+        """
+        return [j for j, criterion in enumerate(self.criteria) if criterion.smooth or criterion.dose is not None]
 
     @property
     def _worst(self) -> BoolArray:
@@ -232,7 +242,7 @@ class SmoothingJob:
         measured = trajectory_costs(self.criteria, [reference, reference.execution()], self.problem.world)
         epsilon = measured.max(axis=0) * (1 + LOOSE) + [criterion.quantum for criterion in self.criteria]
         structure = structure_of(polyline, self.intervals)
-        if not structure.turns:
+        if not structure.turns and not any(criterion.dose for criterion in self.criteria):
             return self._straight(reference, epsilon)
         program = self._program(structure, seconds)
         solved = self._solve(program, polyline, epsilon, counts)
@@ -392,11 +402,3 @@ class SmoothingJob:
         quanta = np.array([criterion.quantum for criterion in self.criteria])
         spacing = self.problem.world.cell + longest / 4
         return np.asarray(np.where(worst, spacing, QUADRATURE * np.abs(planned)) + quanta)
-
-
-def path_points(trajectory: Trajectory) -> FloatArray:
-    """Return points (N, 2), m, along a driven trajectory."""
-    share = np.arange(POINTS) / POINTS
-    times = (trajectory.times[:-1, None] + trajectory.durations[:, None] * share).ravel()
-    states = trajectory.at(np.append(times, trajectory.duration))
-    return np.stack([states.x, states.y], axis=1)

@@ -1,4 +1,4 @@
-"""Setup of a smoothing program: its straight and turning phases, an initial guess, and options of its solver.
+"""Setup of a smoothing program: its phases, an initial guess, targets of costs, options of its solver; and solutions.
 
 A phase is a part of the trajectory in which the robot drives straight or turns. It has several intervals, between
 neighbouring nodes, and all of its intervals last equally long.
@@ -15,7 +15,7 @@ import numpy as np
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.base.math import wrap
 from hpop.planners.programs.polyline import Polyline
-from hpop.trajectories.trajectory import STRAIGHT
+from hpop.trajectories.trajectory import STRAIGHT, Trajectory
 
 if TYPE_CHECKING:
     from hpop.motions import Wheeled
@@ -225,3 +225,44 @@ SOLVER_OPTIONS: dict[str, dict[str, Any]] = {
     "quasi-newton": QUASI_NEWTON,  # estimated second derivatives: slower, but not misled by kinks of costs
     "refined": REFINING,  # starts from a solution, more accurate
 }
+
+
+@dataclass(frozen=True, eq=False)
+class ProgramSolution:
+    """Solution that the solver found for a program.
+
+    point       values of the program's variables
+    rates       multipliers of the variables' bounds, and of the constraints
+    trajectory  trajectory that ``point`` describes, within the program's limits; None if the solver did not converge,
+                or the limits could not be kept
+    costs       (k,) as the program computes them
+    status      of the solver, or Limits_Not_Kept if its point could not be made feasible
+    iterations  number of iterations of the solver
+    """
+
+    point: FloatArray
+    rates: tuple[FloatArray, FloatArray]
+    trajectory: Trajectory | None
+    costs: FloatArray
+    status: str
+    iterations: int
+
+    @property
+    def curve(self) -> Trajectory:
+        """Trajectory of the solution; there must be one."""
+        assert self.trajectory is not None
+        return self.trajectory
+
+
+@dataclass(frozen=True, eq=False)
+class CostTargets:
+    """Weights, bounds and scales of the k costs of a program.
+
+    weights  (k,) of the scaled costs in the objective
+    epsilon  (k,) upper bounds of the costs; inf for none
+    scale    (k,) positive: each cost is divided by its scale
+    """
+
+    weights: FloatArray
+    epsilon: FloatArray
+    scale: FloatArray

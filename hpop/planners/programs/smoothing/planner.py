@@ -42,8 +42,9 @@ class Smoothing:
 
     step        m  distance between positions of the lattice that gives the polylines
     headings    number of headings of that lattice: 4, 8 or 16
-    minimise    name of the cost to minimise. None: all costs together, each relative to the polyline's cost; costs that
-                are the worst moment get a hundredth of the weight, since they are bounded anyway
+    minimise    name of the cost to minimise, also a dose: felt_msdv or msdv. None: all costs together, each relative to
+                the polyline's cost; costs that are the worst moment get a hundredth of the weight, since they are
+                bounded anyway
     intervals   number of intervals of constant wheel acceleration; more are used if the turns need them
     warm_start  source of the polylines: a planner's name, ``{name: {option: value}}``, a front, or trajectories
     time_limit  s  for everything, warm starts included
@@ -59,6 +60,10 @@ class Smoothing:
     first, with much smaller weights of time and effort. If it does not converge, the first solution is the result,
     ``settled`` in the provenance is false, and a note counts such candidates. The peak of the optic flow has many
     kinks, so its programs may not converge; a note counts such polylines.
+
+    A dose is the root of the integral of a squared, filtered acceleration. If it is minimised, the states of the filter
+    are variables of the program. Otherwise, as all criteria with memory, it is evaluated on the trajectories found. On
+    a tour, each leg has the least dose for a robot that has stood before it.
 
     A tour is smoothed leg by leg, with the states at its stops fixed; the robot comes to rest at each of them.
 
@@ -95,10 +100,11 @@ class Smoothing:
         if problem.tour is not None:
             return improved_tours(NAME, self, problem, progress, executor)
         watch = Watch(NAME, self.time_limit, progress)
-        objectives = edge_objectives(problem.criteria, NAME)
-        criteria = objectives.optimised
-        smooth_indices(criteria, problem, NAME)
-        index = None if self.minimise is None else minimised(self.minimise, criteria)
+        dose = [c for c in problem.criteria if c.name == self.minimise and c.dose is not None]
+        objectives = edge_objectives([c for c in problem.criteria if c not in dose] or dose, NAME)
+        smooth_indices(objectives.optimised, problem, NAME)
+        criteria = (*objectives.optimised, *dose)
+        index = None if self.minimise is None else len(criteria) - 1 if dose else minimised(self.minimise, criteria)
         warm = warm_starts(self, problem, progress, executor, watch.left)
         if warm.interrupted is not None:
             return warm.interrupted

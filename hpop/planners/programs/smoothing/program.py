@@ -26,7 +26,15 @@ from hpop.planners.needs import in_plane, on_wheels, reaches
 from hpop.planners.programs.nlp import ipopt
 from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.smoothing.interval import NODES, Bounds, Interval, made_feasible
-from hpop.planners.programs.smoothing.phases import OPTIONS, SOLVER_OPTIONS, SUCCESS, Guess, Phases
+from hpop.planners.programs.smoothing.phases import (
+    OPTIONS,
+    SOLVER_OPTIONS,
+    SUCCESS,
+    CostTargets,
+    Guess,
+    Phases,
+    ProgramSolution,
+)
 from hpop.planners.programs.smoothing.separable import Separable
 from hpop.runtime.interrupts import interrupts_held
 from hpop.trajectories.trajectory import Trajectory
@@ -46,47 +54,6 @@ TURNING = 0.003  # rad/s: least yaw rate inside turns, as a turn could else beco
 REFINED = 0.003  # share of EFFORT and HASTE when a solution is refined
 EFFORT = 0.02  # weight of the squared accelerations against the costs, which are scaled to 1
 HASTE = 0.2  # weight of the duration
-
-
-@dataclass(frozen=True, eq=False)
-class ProgramSolution:
-    """Solution that the solver found for a program.
-
-    point       values of the program's variables
-    rates       multipliers of the variables' bounds, and of the constraints
-    trajectory  trajectory that ``point`` describes, within the program's limits; None if the solver did not converge,
-                or the limits could not be kept
-    costs       (k,) as the program computes them
-    status      of the solver, or Limits_Not_Kept if its point could not be made feasible
-    iterations  number of iterations of the solver
-    """
-
-    point: FloatArray
-    rates: Bounds
-    trajectory: Trajectory | None
-    costs: FloatArray
-    status: str
-    iterations: int
-
-    @property
-    def curve(self) -> Trajectory:
-        """Trajectory of the solution; there must be one."""
-        assert self.trajectory is not None
-        return self.trajectory
-
-
-@dataclass(frozen=True, eq=False)
-class CostTargets:
-    """Weights, bounds and scales of the k costs of a program.
-
-    weights  (k,) of the scaled costs in the objective
-    epsilon  (k,) upper bounds of the costs; inf for none
-    scale    (k,) positive: each cost is divided by its scale
-    """
-
-    weights: FloatArray
-    epsilon: FloatArray
-    scale: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,7 +140,7 @@ class DrivenProgram:
         of_hinges = casadi.MX.sym("hinges", n * self._interval.hinges)
         weights, scale = casadi.MX.sym("weights", k), casadi.MX.sym("scale", k)
         signs, regular = casadi.MX.sym("signs", n), casadi.MX.sym("regular", 2)
-        variables = casadi.vertcat(moving, slack, of_hinges)
+        variables = casadi.vertcat(moving, slack, of_hinges, casadi.MX.sym("filters", self._filters.size))
         parameters = casadi.vertcat(weights, scale, signs, regular)
         intervals = self._intervals(variables, signs)
         defects, effort, *values_of = intervals.symbols
@@ -186,6 +153,9 @@ class DrivenProgram:
                 costs.append(slack[self._worst.index(j)])
                 honest.append(casadi.mmax(values))
                 above.append((casadi.vec(values) - costs[-1]) / scale[j])
+            elif self.criteria[j].dose is not None:  # its square, divided by its scale
+                costs.append(casadi.sum1(values) / scale[j])
+                honest.append(casadi.sqrt(casadi.sum1(values)))
             else:
                 costs.append(casadi.sum1(values))
                 honest.append(costs[-1])
@@ -200,18 +170,23 @@ class DrivenProgram:
         phases = np.flatnonzero(self.structure.turning)
         first, last = ends[phases].tolist(), ends[phases + 1].tolist()
         turned = signs[first] * (nodes["yaw"][last] - nodes["yaw"][first])
+        after = k + len(self.spaces)
+        filtered, hinged = (
+            values_of[after : after + bool(self._filters.size)],
+            values_of[-1:] if of_hinges.numel() else [],
+        )
         groups = [
             casadi.vertcat(*group)
             for group in (
-                [casadi.vec(defects[:, :2]), defects[turns, 2]],
+                [casadi.vec(defects[:, :2]), defects[turns, 2], *map(casadi.vec, filtered)],
                 wheels,
                 [bend[turns]],
                 [outer],
                 [turned],
                 [costs[j] / scale[j] for j in self._summed],
                 above,
-                [casadi.vec(values.T) for values in values_of[k : k + len(self.spaces)]],
-                [casadi.vec(values) for values in values_of[k + len(self.spaces) :]],
+                [casadi.vec(values.T) for values in values_of[k:after]],
+                [casadi.vec(values) for values in hinged],
             )
         ]
         program, derivatives = intervals.program(variables, parameters, signs, objective, casadi.vertcat(*groups))
@@ -226,7 +201,8 @@ class DrivenProgram:
         """Return the nonlinear functions of all intervals, as expressions of the program's variables."""
         of_nodes, of_lasts = self.structure.variable_indices
         slacks = self._hinges.reshape(-1, len(of_lasts))
-        where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks])
+        filters = self._filters[:, :-1], self._filters[:, 1:]
+        where = np.vstack([of_nodes[:, :-1], of_nodes[:, 1:], of_lasts, slacks, *filters])
         return Separable.of(self._interval.write, where, variables, signs, self.deadline)
 
     @cached_property
@@ -239,6 +215,13 @@ class DrivenProgram:
         """Indices of the slacks of hinges ``max(x, 0)`` among the variables, for all intervals, hinge by hinge."""
         n, first = len(self.structure.phase), int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst)
         return first + np.arange(n * self._interval.hinges)
+
+    @cached_property
+    def _filters(self) -> IntArray:
+        """Indices (m, n+1) of the filter states of a dose at all nodes; m is 0 without a dose."""
+        n, m = len(self.structure.phase), self._interval.filters
+        first = int(self.structure.variable_indices[1][-1]) + 1 + len(self._worst) + n * self._interval.hinges
+        return first + np.arange(m * (n + 1)).reshape(m, n + 1)
 
     def _solver(self, name: str) -> Any:
         """Return the solver with the SOLVER_OPTIONS of a name, built on first use."""
@@ -319,14 +302,16 @@ class DrivenProgram:
         spread = np.concatenate(list(clearances))
         wheel, bend = model.wheel_acceleration, model.turn_acceleration
         lows: list[Any] = [0.0, -wheel, -bend, -np.inf, LEAST_PHASE, -np.inf, -np.inf, spread, -np.inf]
-        bounded = epsilon[self._summed] / scale[self._summed]
+        powers = [1 if self.criteria[j].dose is None else 2 for j in self._summed]
+        bounded = (epsilon[self._summed] / scale[self._summed]) ** powers
         highs: list[Any] = [0.0, wheel, bend, model.wheel_speed, np.inf, bounded, 0.0, np.inf, 0.0]
         lbg, ubg = (
             np.concatenate([np.broadcast_to(b, (size,)) for b, size in zip(side, sizes, strict=True)])
             for side in (lows, highs)
         )
-        lbx = np.concatenate([lowest, least / counts, below, 0.0 * self._hinges])
-        ubx = np.concatenate([highest, LONGEST / counts, more, np.full(len(self._hinges), np.inf)])
+        filters = np.where(self._filters == self._filters[:, :1], 0.0, np.inf).ravel()  # at rest at the start
+        lbx = np.concatenate([lowest, least / counts, below, 0.0 * self._hinges, -filters])
+        ubx = np.concatenate([highest, LONGEST / counts, more, np.full(len(self._hinges), np.inf), filters])
         return (lbx, ubx), (lbg, ubg)
 
     def _costs(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
@@ -370,8 +355,8 @@ class DrivenProgram:
         point = np.empty(of_lasts[-1] + 1)
         point[of_nodes], point[of_lasts] = guess.nodes, (guess.lasts / self.structure.counts)[self.structure.phase]
         parameters = self._parameters(guess, targets)
-        slacks, count = np.zeros(len(self._worst) + len(self._hinges)), len(point)
-        point = self._on_hinges(np.concatenate([point, slacks]), parameters)
+        slacks, count = np.zeros(len(self._worst) + len(self._hinges) + self._filters.size), len(point)
+        point = self._on_hinges(self._on_filters(np.concatenate([point, slacks]), parameters), parameters)
         if self._worst:
             honest = np.array(self._formulas.values(point, parameters)).ravel()
             point[count : count + len(self._worst)] = honest[self._worst]
@@ -388,6 +373,19 @@ class DrivenProgram:
         point[self._hinges] = 0.0
         excess = self._formulas.limits(point, parameters)[0][-len(self._hinges) :]
         point[self._hinges] = np.maximum(excess, 0.0)
+        return point
+
+    def _on_filters(self, point: FloatArray, parameters: FloatArray) -> FloatArray:
+        """Return the variables with the filter states of a dose that follow from the motion."""
+        if not self._filters.size:
+            return point
+        from scipy.sparse.linalg import spsolve
+
+        n, of_later = len(self.structure.phase), self._filters[:, 1:].ravel()
+        values, slopes = self._formulas.limits(point, parameters)
+        rows = slice(2 * n + len(self.structure.turning_intervals), self._formulas.sizes[0])
+        point = point.copy()
+        point[of_later] -= spsolve(slopes[rows][:, of_later].tocsc(), values[rows])
         return point
 
     def _trajectory(self, guess: Guess, point: FloatArray) -> Trajectory:

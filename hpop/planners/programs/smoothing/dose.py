@@ -1,0 +1,126 @@
+r"""Dose of a body's weighted acceleration in a smoothing program, with the modes of the weighting filter as states.
+
+The filter is a sum of modes, one for each pair of conjugate poles λ of its transfer function, with residue r:
+
+    z' = λ z + u,    y = Σ 2 Re(r z),    dose² = ∫ y² dt,
+
+where u is the acceleration of the body in its own frame, ahead or to the left. In an interval of a smoothing program,
+the accelerations a of the base and α of its rotation are constant, so that u is a polynomial of time of degree 2:
+
+    ahead  a - α l - ω² d,    left  v ω + α d - ω² l
+
+at d metres ahead and l metres to the left of the axis. So z at the end of the interval has a closed form, for any
+duration. y² is integrated by Gauss-Legendre quadrature.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property, reduce
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from hpop.criteria.comfort.sickness import Weighting
+from hpop.models.driven import gauss
+
+POINTS = 5  # of the quadrature in an interval
+
+
+class Mode(NamedTuple):
+    """Mode of a filter: its pole, 1/s, and the residue, 1/s, of its transfer function there."""
+
+    pole: complex
+    residue: complex
+
+
+@dataclass(frozen=True)
+class Dose:
+    """Square of a dose in one interval, and the defects of the filter's states, as formulas of CasADi symbols.
+
+    The states are real and imaginary parts of z, mode by mode, first for the acceleration ahead, then to the left.
+
+    weighting   frequency weighting of the acceleration
+    ahead, left  m, position of the body on the base
+    """
+
+    weighting: Weighting
+    ahead: float
+    left: float
+
+    @cached_property
+    def modes(self) -> tuple[Mode, ...]:
+        """Modes of the weighting, whose transfer function must be strictly proper and have distinct complex poles."""
+        sections = self.weighting.sections
+        numerator, denominator = (reduce(np.polymul, factors) for factors in zip(*sections, strict=True))
+        slope, poles = np.polyder(denominator), np.concatenate([np.roots(below) for _, below in sections])
+        return tuple(
+            Mode(complex(pole), complex(np.polyval(numerator, pole) / np.polyval(slope, pole)))
+            for pole in poles
+            if pole.imag > 0
+        )
+
+    @property
+    def size(self) -> int:
+        """Number of states of the filters."""
+        return 4 * len(self.modes)
+
+    def formulas(self, before: Any, after: Any, ends: tuple[Any, Any, Any, Any], lasts: Any) -> tuple[list[Any], Any]:
+        """Return the defects of the states, and the integral of y² over the interval.
+
+        Parameters
+        ----------
+        before, after : states (size,) of the filters at the start and the end, symbols
+        ends : speed at the start and at the end, m/s, and turn rate at the start and at the end, rad/s
+        lasts : s, duration of the interval
+        """
+        import casadi
+
+        moments = [(share * lasts, weight) for share, weight in gauss(POINTS)]
+        fades = [[_exponential(mode.pole, t) for mode in self.modes] for t, _ in [*moments, (lasts, 1.0)]]
+        defects, squares = list[Any](), [casadi.SX(0) for _ in moments]
+        for k, polynomial in enumerate(self._inputs(*ends, lasts)):
+            outputs = [casadi.SX(0) for _ in moments]
+            for i, mode in enumerate(self.modes):
+                place = 2 * (k * len(self.modes) + i)
+                steady = [_forced(mode.pole, polynomial, t) for t in (0.0 * lasts, *(t for t, _ in moments), lasts)]
+                off = before[place] - steady[0][0], before[place + 1] - steady[0][1]
+                for j, forced in enumerate(steady[1:]):
+                    real, imaginary = fades[j][i]
+                    z = (
+                        real * off[0] - imaginary * off[1] + forced[0],
+                        real * off[1] + imaginary * off[0] + forced[1],
+                    )
+                    if j < len(moments):
+                        outputs[j] += 2.0 * (mode.residue.real * z[0] - mode.residue.imag * z[1])
+                    else:
+                        defects += [after[place] - z[0], after[place + 1] - z[1]]
+            squares = [square + y * y for square, y in zip(squares, outputs, strict=True)]
+        return defects, lasts * sum(w * square for (_, w), square in zip(moments, squares, strict=True))
+
+    def _inputs(self, v0: Any, v1: Any, w0: Any, w1: Any, lasts: Any) -> Iterator[tuple[Any, Any, Any]]:
+        """Yield the coefficients of the accelerations ahead and to the left: constant, by t, and by t²."""
+        a, bend = (v1 - v0) / lasts, (w1 - w0) / lasts
+        turn = w0 * w0, 2.0 * w0 * bend, bend * bend  # of ω²
+        cross = v0 * w0, a * w0 + v0 * bend, a * bend  # of v ω
+        yield a - bend * self.left - turn[0] * self.ahead, -turn[1] * self.ahead, -turn[2] * self.ahead
+        first, second, third = (c - s * self.left for c, s in zip(cross, turn, strict=True))
+        yield first + bend * self.ahead, second, third
+
+
+def _exponential(pole: complex, t: Any) -> tuple[Any, Any]:
+    """Return the real and imaginary part of e^(λt)."""
+    import casadi
+
+    size, angle = casadi.exp(pole.real * t), pole.imag * t
+    return size * casadi.cos(angle), size * casadi.sin(angle)
+
+
+def _forced(pole: complex, polynomial: tuple[Any, Any, Any], t: Any) -> tuple[Any, Any]:
+    """Return the real and imaginary part of the polynomial solution of z' = λz + u, for a polynomial u of degree 2."""
+    constant, slope, curve = polynomial
+    u, du, ddu = constant + t * (slope + t * curve), slope + 2.0 * t * curve, 2.0 * curve
+    one, two, three = 1.0 / pole, 1.0 / pole**2, 1.0 / pole**3
+    real = -(one.real * u + two.real * du + three.real * ddu)
+    return real, -(one.imag * u + two.imag * du + three.imag * ddu)
