@@ -137,6 +137,7 @@ class Image(MapFile):
     inside: Point | None = None
     origin: Origin = (0.0, 0.0, 0.0)
     height: Heights | None = None
+    contrast: bool = False  # from the colours of obstacles
 
 
 class RosBag(MapFile):

@@ -19,7 +19,6 @@ from shapely.geometry import MultiPolygon, Polygon, mapping, shape
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base import registry
-from hpop.base.arrays import BoolArray
 from hpop.base.text import shown
 from hpop.errors import MapError
 from hpop.world import readers
@@ -27,7 +26,7 @@ from hpop.world.bodies import LinkRules
 from hpop.world.content.content import Content
 from hpop.world.fields.measured import MeasuredField
 from hpop.world.files import by_names, place_seen_from, places_found_from
-from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, check_size
+from hpop.world.geometry.shapes import MAX_CELLS, Obstacle, Raster, packed, unpack_cells, unpacked
 from hpop.world.geometry.solids import Solid
 from hpop.world.ground import Ground, Heights
 
@@ -97,6 +96,7 @@ class FromFiles:
         height: Heights | None = None,
         outside_is_obstacle: bool = True,
         thinnest_obstacle: float | None = None,
+        contrast: bool = False,
     ) -> World:
         """Read a blueprint image; see `hpop.world.readers.image.read`."""
         return readers.image.read(
@@ -109,6 +109,7 @@ class FromFiles:
             height=height,
             outside_is_obstacle=outside_is_obstacle,
             thinnest_obstacle=thinnest_obstacle,
+            contrast=contrast,
         )
 
 
@@ -335,13 +336,13 @@ def _prism(prism: Obstacle) -> dict[str, Any]:
 
 
 def _raster(raster: Raster) -> dict[str, Any]:
-    packed = zlib.compress(np.packbits(raster.cells).tobytes(), 6)  # 9 takes fifteen times as long for a tenth less
     return {
         "shape": list(raster.cells.shape),
-        "cells": base64.b64encode(packed).decode("ascii"),
+        "cells": packed(np.packbits(raster.cells)),
         "resolution": raster.resolution,
         "origin": list(raster.origin),
         "z": _heights(raster.heights),
+        **({} if raster.contrasts is None else {"contrasts": packed(raster.contrasts)}),
     }
 
 
@@ -350,26 +351,13 @@ def _build_raster(data: Mapping[str, Any]) -> Raster:
     if type(rows) is not int or type(columns) is not int:
         raise MapError(f"a raster's shape must be two integers; got {shown(data['shape'])}.")
     cells = unpack_cells(data["cells"], rows, columns)
-    return Raster(cells, data["resolution"], data["origin"], *_range(data["z"]))
-
-
-def unpack_cells(text: str, rows: int, columns: int) -> BoolArray:
-    """Unpack cells (rows, columns) from base64 text of zlib-compressed bits; MapError for more or fewer cells.
-
-    At most one byte more is decompressed than these cells take.
-    """
-    check_size(rows, columns, "the described raster")
-    size = -(-rows * columns // 8)
-    wrong = MapError(f"the described raster must hold exactly {columns} x {rows} cells; describe the world anew.")
-    try:
-        inflate = zlib.decompressobj()
-        data = inflate.decompress(base64.b64decode(text, validate=True), size + 1)
-    except (zlib.error, binascii.Error) as error:
-        raise MapError(f"the described raster cannot be unpacked: {error}.") from None
-    if len(data) != size or not inflate.eof:
-        raise wrong
-    bits = np.unpackbits(np.frombuffer(data, dtype=np.uint8), count=rows * columns)
-    return bits.reshape(rows, columns).astype(bool)
+    shades = data.get("contrasts")
+    contrasts = (
+        None
+        if shades is None
+        else unpacked(shades, rows * columns, f"{columns} x {rows} contrasts").reshape(rows, columns)
+    )
+    return Raster(cells, data["resolution"], data["origin"], *_range(data["z"]), contrasts)
 
 
 def _heights(heights: Heights) -> list[float | None]:

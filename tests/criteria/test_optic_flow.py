@@ -10,6 +10,7 @@ import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from hpop.criteria import Clearance, OpticFlow, PassingDistance, PeakOpticFlow, motion_costs, trajectory_cost
 from hpop.errors import CriterionError, MapError
@@ -208,6 +209,26 @@ def test_a_surface_of_low_contrast_flows_less_in_proportion(contrast):
     assert trajectory_cost(flow, path, world) == pytest.approx(4.0 * 0.5 * (1 + contrast) / 2, rel=0.02)
     turn = Trajectory.from_poses(DifferentialDrive(), [(0, 0, 0), (0, 0, 1.0)])
     assert trajectory_cost(flow, turn, world) == pytest.approx((1 + contrast) / 2, rel=0.06)
+
+
+def test_walls_of_an_image_flow_by_the_contrast_of_their_colours(tmp_path):
+    """A corridor with a black wall and a grey one costs the same in pixels and as polygons of these contrasts."""
+    pixels = np.full((90, 400), 255, dtype=np.uint8)
+    pixels[:20], pixels[70:] = 160, 0  # the upper wall is grey; the corridor is 5 m wide
+    Image.fromarray(pixels).save(tmp_path / "plan.png")
+    grey = ((160 / 255 + 0.055) / 1.055) ** 2.4
+    walls = [
+        shapely.box(-20, -4.5, 20, -2.5),
+        Obstacle(shapely.box(-20, 2.5, 20, 4.5), contrast=(1 - grey) / (1 + grey)),
+    ]
+    drawn = World.from_polygons(walls, extent=shapely.box(-20, -4.5, 20, 4.5))
+    options = {"threshold": 0.8, "origin": (-20, -4.5, 0)}
+    coloured = World.from_image(tmp_path / "plan.png", 0.1, contrast=True, **options)
+    plain = World.from_image(tmp_path / "plan.png", 0.1, **options)
+    path = Trajectory.from_poses(DifferentialDrive(), [(-2, 0, 0), (2, 0.5, 0)])
+    drawn_cost, cost, more = (trajectory_cost(OpticFlow(bearings=36), path, one) for one in (drawn, coloured, plain))
+    assert cost == pytest.approx(drawn_cost, rel=0.02)
+    assert cost < 0.8 * more
 
 
 def test_full_contrast_changes_no_bit_and_a_map_keeps_its_contrasts(tmp_path):

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray
+from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.text import counted
 from hpop.errors import MapError
 from hpop.runtime import limits
@@ -37,6 +37,8 @@ MOST_SPECKS = 20_000
 """Largest number of obstacles among which lettering is searched; more are noise."""
 LABELS = 8
 """Bytes per pixel while connected pixels are numbered and examined."""
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+"""Weights of linear red, green and blue in the relative luminance of sRGB."""
 ROWS = 1_000_000
 """Pixels that are counted together."""
 
@@ -144,6 +146,40 @@ def greys(shade: NDArray[np.uint8], dark: BoolArray, threshold: float, raster: R
     yield (
         f"{counted(len(large), 'grey area')} away from the edges of obstacles count{'s' * (len(large) == 1)} as free: "
         f"{said}. To make all grey areas obstacles, give threshold: {enough:g}"
+    )
+
+
+def contrast(colours: FloatArray, alpha: FloatArray | None) -> FloatArray:
+    """Return the contrast (h, W) of pixels against white paper: (1 - Y) / (1 + Y) with their relative luminance Y.
+
+    This is Michelson's contrast. Y is the weighted sum of the linear red, green and blue of sRGB (IEC 61966-2-1).
+
+    colours  (h, W, channels)  sRGB from 0 to 1; one channel is grey
+    alpha    (h, W)            opacity on white paper; None for opaque pixels
+    """
+    linear = np.where(colours <= 0.04045, colours / 12.92, ((colours + 0.055) / 1.055) ** 2.4)
+    luminance = linear[..., 0] if colours.shape[-1] == 1 else linear @ LUMINANCE
+    if alpha is not None:
+        luminance = luminance * alpha + (1.0 - alpha)
+    return np.asarray((1.0 - luminance) / (1.0 + luminance))
+
+
+def contrasts_of(cells: BoolArray, percent: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
+    """Return the contrast (H, W), %, of obstacle cells from that of their pixels, and a note on them.
+
+    The highest contrast of an obstacle within :data:`EDGE` pixels counts: blurred edges have that of the inside.
+    """
+    from scipy import ndimage  # slow to import
+
+    limits.hold(READING, 0, 3 * cells.size)
+    found = ndimage.maximum_filter(np.where(cells, percent, 0).astype(np.uint8), 2 * EDGE + 1)
+    of_obstacles = found[cells]
+    if not of_obstacles.size:
+        return np.full(cells.shape, 100, dtype=np.uint8), "there are no obstacles whose colours could set a contrast"
+    low, middle, high = (of_obstacles.min(), np.median(of_obstacles), of_obstacles.max())
+    return np.where(cells, found, 100).astype(np.uint8), (
+        f"obstacles have the contrast of their colours against white, {low / 100:.2f} to {high / 100:.2f} (median "
+        f"{middle / 100:.2f}; black has 1): a weight in optic_flow"
     )
 
 

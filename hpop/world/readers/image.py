@@ -163,6 +163,7 @@ def read(
     height: Heights | None = None,
     outside_is_obstacle: bool = True,
     thinnest_obstacle: float | None = None,
+    contrast: bool = False,
 ) -> World:
     """Read a blueprint as a `World` of cells: pixels darker than the threshold are obstacles.
 
@@ -187,6 +188,10 @@ def read(
         Whether the area beyond the image obstructs the camera.
     thinnest_obstacle : float, optional
         Thinner lines, m, are no obstacle, such as the swings of doors between thicker walls.
+    contrast : bool
+        Whether the colour of an obstacle sets its contrast, a weight in ``optic_flow``: that of Michelson against
+        white paper, (1 - Y) / (1 + Y), where Y is the relative luminance of the colour (sRGB). Black is 1. The darkest
+        obstacle pixel within two pixels counts, because edges are blurred.
 
     A photograph is rotated by its EXIF orientation, which ``world.notes`` mention. The notes also report grey pixels,
     grey areas that count as free, specks that look like lettering, and thin lines that close passages, each with the
@@ -211,12 +216,15 @@ def read(
     check_span(picture.height, picture.width, resolution, path)
     dark = np.empty((picture.height, picture.width), dtype=bool)
     shade = np.empty(dark.shape, dtype=np.uint8)
+    faint = np.empty(dark.shape if contrast else (0, 0), dtype=np.uint8)
     for rows, colours, alpha in picture.blocks():
         brightness = colours.mean(axis=-1)
         if alpha is not None:
             brightness = brightness * alpha + (1.0 - alpha)
         dark[rows] = brightness < threshold
         shade[rows] = np.round(255 * brightness)
+        if contrast:
+            faint[rows] = np.round(100 * blueprint.contrast(colours, alpha))
     options = {
         "resolution": resolution,
         "threshold": float(threshold),
@@ -226,6 +234,7 @@ def read(
         "height": None if height is None else [v if math.isfinite(v) else None for v in heights],
         "outside_is_obstacle": bool(outside_is_obstacle),
         "thinnest_obstacle": thinnest_obstacle,
+        **({"contrast": True} if contrast else {}),
     }
     raster = Raster(dark[::-1], resolution, origin, *heights)
     del dark
@@ -245,6 +254,9 @@ def read(
     if inside is not None:
         cells, note = blueprint.closed_from(raster, inside)
         raster, notes = replace(raster, cells=cells), [*notes, note]
+    if contrast:
+        contrasts, note = blueprint.contrasts_of(raster.cells, faint[::-1])
+        raster, notes = replace(raster, contrasts=contrasts), [*notes, note]
     ground = Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))
     said = tuple(f"{path}: {note}." for note in notes)
     return World(ground, notes=said).read_from(file_source("image", path, options, content))

@@ -43,6 +43,8 @@ CAST = 4096
 SAMPLE = 8
 """Bytes of a sample."""
 DISTANCES = "the distances along bearings were sampled"
+SURFACE = 1e-3
+"""Distance behind a surface at which the contrast of a cell is read, as a share of the cell."""
 TOUCHES = 1e-6
 """Distance, m, from the outline of an obstacle up to which a ray counts as ending there."""
 LINEAR = 1e-6
@@ -290,7 +292,8 @@ def bearings(world: World, z: float, count: int = 16) -> Bearings:
 
 def is_faint(ground: Ground) -> bool:
     """Return whether any obstacle has a contrast below 1."""
-    return any(obstacle.contrast < 1.0 for obstacle in ground.obstacles)
+    is_coloured = ground.raster is not None and ground.raster.contrasts is not None
+    return is_coloured or any(obstacle.contrast < 1.0 for obstacle in ground.obstacles)
 
 
 def _contrasts(
@@ -298,12 +301,16 @@ def _contrasts(
 ) -> FloatArray | None:
     """Return the contrasts (M, B) of the surfaces at distances (M, B), m, from points; None if all of them are 1.
 
-    Where obstacles touch, the lowest contrast counts.
+    Of obstacles that touch, the last one counts; obstacles count before cells. A cell is read just behind its surface.
     """
     if not is_faint(ground):
         return None
     hit_x, hit_y = (at[:, None] + distances * along for at, along in zip((x, y), directions.T, strict=True))
     shades = np.ones(distances.shape)
+    raster = ground.raster
+    if raster is not None and raster.contrasts is not None and raster.z_min <= z <= raster.z_max:
+        behind = SURFACE * raster.resolution
+        shades = raster.contrast(hit_x + behind * directions[:, 0], hit_y + behind * directions[:, 1])
     for obstacle in ground.obstacles:
         if obstacle.contrast < 1.0 and obstacle.z_min <= z <= obstacle.z_max:
             limits.check(DISTANCES)

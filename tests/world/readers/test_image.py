@@ -11,6 +11,7 @@ from scipy import ndimage
 
 from hpop.errors import MapError
 from hpop.world import World
+from hpop.world.geometry.shapes import Raster
 
 
 def save(folder, pixels):
@@ -314,3 +315,39 @@ def test_an_image_without_a_scale_is_refused_with_the_call_that_reads_it(tmp_pat
     Path("map.yaml").touch()
     with pytest.raises(MapError, match=advice + "; or give map.yaml, which states it"):
         World.from_file("map.pgm")
+
+
+def test_colours_set_the_contrast_of_obstacles_by_their_luminance(tmp_path):
+    """Four blocks on white: black, pure red, middle grey, light grey; the rule is written down anew here."""
+    pixels = np.full((20, 80, 3), 255)
+    colours = {0: (0, 0, 0), 20: (255, 0, 0), 40: (128, 128, 128), 60: (204, 204, 204)}
+    for column, colour in colours.items():
+        pixels[5:15, column + 4 : column + 14] = colour
+    path = save(tmp_path, pixels)
+    world = World.from_image(path, 0.1, threshold=0.9, contrast=True)
+    luminances = {0: 0.0, 20: 0.2126, 40: ((128 / 255 + 0.055) / 1.055) ** 2.4, 60: ((0.8 + 0.055) / 1.055) ** 2.4}
+    for column, y in luminances.items():
+        shade = world.raster.contrast(np.array([(column + 8) / 10]), np.array([1.0]))
+        assert shade == pytest.approx((1 - y) / (1 + y), abs=0.005)
+    assert world.raster.contrast(np.array([0.05, 99.0]), np.array([0.05, 0.0])).tolist() == [1, 1]  # free, and outside
+    assert any("contrast of their colours against white, 0.25 to 1.00 (median" in note for note in world.notes)
+    plain = World.from_image(path, 0.1, threshold=0.9)
+    assert plain.raster.contrasts is None
+    assert plain.raster.cells.tolist() == world.raster.cells.tolist()
+    assert "contrast" not in plain.describe()["options"]
+    for again in (World.from_description(world.describe()), World.from_description({**as_geometry(world)})):
+        assert again.raster.contrasts.tolist() == world.raster.contrasts.tolist()
+
+
+def as_geometry(world):
+    """Return the description of a world without its file."""
+    return World(world.ground).describe()
+
+
+def test_a_blurred_edge_has_the_contrast_of_the_inside(tmp_path):
+    pixels = np.full((20, 30), 255)
+    pixels[5:15, 5:25], pixels[6:14, 6:24] = 120, 0
+    world = World.from_image(save(tmp_path, pixels), 0.1, contrast=True)
+    assert (world.raster.contrasts[world.raster.cells] == 100).all()
+    with pytest.raises(MapError, match="contrasts must have the shape of the cells"):
+        Raster(np.zeros((2, 3), dtype=bool), 1.0, contrasts=np.zeros((3, 2), dtype=np.uint8))
