@@ -22,7 +22,7 @@ import museums
 import hpop
 from hpop.planners import Lattice
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.searches.mean import DURATION, INTEGRAL, OTHERS, mean_objectives
+from hpop.planners.searches.people_and_mean import DURATION, INTEGRAL, OTHERS, mean_objectives
 from hpop.search import MeanPaths, capped_mean_paths, pareto_paths
 
 RUNS = 3

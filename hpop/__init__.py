@@ -45,7 +45,7 @@ if TYPE_CHECKING:
     from hpop.problems.why import WhyNot as WhyNot
     from hpop.problems.why import why_not as why_not
     from hpop.runtime.limits import Status as Status
-    from hpop.simulation.simulate import simulate as simulate
+    from hpop.simulation import simulate as simulate
     from hpop.trajectories.trajectory import Trajectory as Trajectory
     from hpop.world import Person as Person
     from hpop.world import Track as Track

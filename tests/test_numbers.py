@@ -15,7 +15,7 @@ from hpop.planners import Lattice
 from hpop.runtime.limits import Budget
 from hpop.runtime.sweep import processes
 from hpop.scenario import load_scenario
-from hpop.search.machinery.approximation import ANYTHING, thin_front
+from hpop.search.machinery import ANYTHING, thin_front
 from hpop.search.machinery.kernels import least_covered
 from hpop.world.content.content import Landmark, Person, Zone
 from tests.own_criteria import NEEDED

@@ -18,7 +18,7 @@ NAMES = """
 hpop.arrays.Column
 hpop.criteria
 hpop.criteria.base.Criterion
-hpop.criteria.comfort.svc
+hpop.criteria.comfort.sickness
 hpop.criteria.convex.ConvexCost
 hpop.criteria.others.metrics.zone_fractions
 hpop.batch

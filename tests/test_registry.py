@@ -74,7 +74,7 @@ import sys
 from hpop.errors import OptionError
 from hpop.base.registry import criteria, planners
 class Mine: ...
-print(planners["weighted-sum"].__name__, "hpop.planners.programs.smoothing.planner" in sys.modules)
+print(planners["weighted-sum"].__name__, "hpop.planners.programs.smoothing" in sys.modules)
 print(criteria["o_space"].__name__, "hpop.criteria.performance.orientation" in sys.modules)
 try:
     planners.add("smoothing", Mine)

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from hpop.base.arrays import IntArray
-from hpop.benchmark.graph_files import file_hash, read_graph, write_graph
+from hpop.benchmark import file_hash, read_graph, write_graph
 from hpop.benchmark.running import (
     REFERENCE,
     DifferentFronts,

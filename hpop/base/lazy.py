@@ -76,6 +76,7 @@ def library(name: str, what: str, extra: str = "tables") -> Any:
 
 MOVED = {
     "hpop.arrays": "hpop.base.arrays",
+    "hpop.criteria.comfort.svc": "hpop.criteria.comfort.sickness",
     "hpop.front": "hpop.problems.front",
     "hpop.history": "hpop.trajectories.history",
     "hpop.math": "hpop.base.math",

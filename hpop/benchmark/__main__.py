@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from hpop.benchmark import graph_files, running
+from hpop.benchmark import READERS, read_graph, read_tntp, running, write_graph
 from hpop.errors import HpopError
 from hpop.runtime.limits import Budget
 from hpop.search import pareto_paths
@@ -84,7 +84,7 @@ def solve(graph: Path, source: int, target: int, method: str) -> None:
 
     Each line is one cost vector; a comment gives the seconds of the search.
     """
-    read = graph_files.read_graph(graph)
+    read = read_graph(graph)
     pareto_paths(
         read, source - 1, target - 1, method=method, budget=Budget(max_labels=1)
     )  # compiles or loads the kernels
@@ -95,7 +95,7 @@ def solve(graph: Path, source: int, target: int, method: str) -> None:
 
 
 @main.command()
-@click.argument("form", type=click.Choice(list(graph_files.READERS)))
+@click.argument("form", type=click.Choice(list(READERS)))
 @click.argument("files", type=FILE, nargs=-1, required=True)
 @click.argument("out", type=FILE)
 @click.option("--cost", multiple=True, metavar="COLUMN", help="Cost of tntp: a column, or a ratio of two.")
@@ -110,8 +110,8 @@ def convert(form: str, files: tuple[Path, ...], out: Path, cost: tuple[str, ...]
         raise click.UsageError(
             f"--cost applies only to tntp, got {form}; files of other formats have all costs of an arc"
         )
-    graph = graph_files.read_tntp(files, cost) if cost else graph_files.READERS[form](files)
-    graph_files.write_graph(graph, out)
+    graph = read_tntp(files, cost) if cost else READERS[form](files)
+    write_graph(graph, out)
     click.echo(f"{out}: {graph.nodes} nodes, {graph.arcs} arcs, {graph.criteria} costs")
 
 

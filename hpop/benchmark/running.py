@@ -21,7 +21,7 @@ import numpy as np
 
 from hpop.base.arrays import IntArray
 from hpop.base.files import replacing
-from hpop.benchmark.graph_files import file_hash, front_hash, read_graph, split_costs, write_graph
+from hpop.benchmark import file_hash, front_hash, read_graph, split_costs, write_graph
 from hpop.errors import GraphError, OptionError
 from hpop.search import Graph, pareto_paths
 

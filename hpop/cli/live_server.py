@@ -76,7 +76,7 @@ class LiveFront:
 
     def publish(self, payload: dict[str, object]) -> None:
         """Replace the front on the page by a new one, and wake the requests that wait for it."""
-        from hpop.view.explorer.payload import SCRIPT
+        from hpop.view.explorer import SCRIPT
         from hpop.view.single_page import single_page
 
         live = {**payload, "live": self.number + 1}

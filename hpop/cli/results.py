@@ -150,9 +150,7 @@ def save_page(problem: Problem, front: Front, saved: Path, preference: Preferenc
 def page_payload(saved: Path) -> dict[str, Any]:
     """Return the data that the explorer page shows for a saved front."""
     front = hpop.Front.load(saved)
-    return hpop.view.explorer.payload.payload(
-        hpop.Problem.from_description(front.problem or {}), front, saved=str(saved)
-    )
+    return hpop.view.explorer.payload(hpop.Problem.from_description(front.problem or {}), front, saved=str(saved))
 
 
 def draw(

@@ -85,7 +85,7 @@ def batch(
                 echo(f"continuing: {out} has {progress.done:,} of {progress.count:,} cases")
             last = progress
             failures = f", {progress.failed:,} with an error" if progress.failed else ""
-            remaining = hpop.batches.summary.remaining_text(progress.left)
+            remaining = hpop.batches.remaining_text(progress.left)
             detail = f"{progress.done:,} of {progress.count:,} cases{failures}{remaining}"
             bar(limits.Progress("solved", detail=detail))
 

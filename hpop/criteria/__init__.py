@@ -73,17 +73,17 @@ if TYPE_CHECKING:
     from hpop.criteria.performance.targets import LookAtCriterion as LookAtCriterion
     from hpop.criteria.performance.targets import Occlusion as Occlusion
     from hpop.criteria.performance.targets import ViewDistance as ViewDistance
-    from hpop.criteria.robot.clearance import Clearance as Clearance
-    from hpop.criteria.robot.clearance import Proximity as Proximity
+    from hpop.criteria.robot import BendingEnergy as BendingEnergy
+    from hpop.criteria.robot import Clearance as Clearance
+    from hpop.criteria.robot import CurvatureSignChanges as CurvatureSignChanges
+    from hpop.criteria.robot import Duration as Duration
+    from hpop.criteria.robot import Energy as Energy
+    from hpop.criteria.robot import Proximity as Proximity
+    from hpop.criteria.robot import Smoothness as Smoothness
     from hpop.criteria.robot.joints import JointEnergy as JointEnergy
     from hpop.criteria.robot.joints import JointLength as JointLength
     from hpop.criteria.robot.joints import JointLimits as JointLimits
     from hpop.criteria.robot.joints import Singularity as Singularity
-    from hpop.criteria.robot.motion import BendingEnergy as BendingEnergy
-    from hpop.criteria.robot.motion import CurvatureSignChanges as CurvatureSignChanges
-    from hpop.criteria.robot.motion import Duration as Duration
-    from hpop.criteria.robot.motion import Energy as Energy
-    from hpop.criteria.robot.motion import Smoothness as Smoothness
 
 _HOMES = homes_of(__name__)
 __all__ = [*_HOMES, "Criterion", "criterion", "make_criterion", "motion_costs", "trajectory_cost"]

@@ -11,14 +11,14 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, TypeVar, cast, runtime_checkable
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast, runtime_checkable
 
 import numpy as np
 
 from hpop.base.text import is_number, shown
 from hpop.frontier import choosing
 from hpop.frontier.dominance import BoolArray, FloatArray, IntArray
-from hpop.frontier.points import FrontError, ItemPoint
+from hpop.frontier.points import SHARE, FrontError, ItemPoint, representative
 
 if TYPE_CHECKING:
     from hpop.frontier.front import ItemFront
@@ -41,9 +41,9 @@ class Preferring(Protocol):
 
 
 class Choices(Generic[T]):
-    """Base class of fronts: one method for each way to choose a point, such as the knee.
+    """Base class of fronts: one method for each way to choose a point, such as the knee, and to select several.
 
-    All methods raise FrontError for a front without points.
+    Methods that choose a point raise FrontError for a front without points.
     """
 
     names: tuple[str, ...]
@@ -57,6 +57,10 @@ class Choices(Generic[T]):
 
     def _point(self, row: int) -> ItemPoint[T]:
         """Return the point in a row of the front."""
+        raise NotImplementedError
+
+    def _selected(self, kept: BoolArray, by: str) -> Self:
+        """Return the front of the points in a mask (n,); ``by`` says for its certificate how they were selected."""
         raise NotImplementedError
 
     def ideal(self) -> FloatArray:
@@ -143,6 +147,34 @@ class Choices(Generic[T]):
         values = choosing.named_numbers("aspirations", aspirations)
         columns = self._columns(aspirations)
         return self._point(choosing.achievement(self._counts(), columns, values / self.quanta[columns]))
+
+    def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
+        """Return the front of the points that meet all conditions on criteria and reported values.
+
+        Example: ``front.where(turns="<=5", length="<= 30")``; give a dict if a name is no Python name. A condition is
+        one of <=, <, >=, >, ==, != followed by a number in the unit of the column; a number alone means equality. Costs
+        are compared in whole quanta. If no point meets the conditions, the new front is empty, and its certificate
+        names the nearest point of this front.
+
+        Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
+        """
+        wanted = conditions(conditions_by_name, named)
+        return self._selected(met(cast(Any, self), wanted), in_words(cast(Any, self), wanted))
+
+    def representative(self, count: int) -> Self:
+        """Return the front of up to ``count`` points that represent this one: together they have a large hypervolume.
+
+        At least 63 % of that of the best ``count`` points; see :func:`hpop.frontier.representative`. Points that are
+        best in one criterion, and the knee, may be missing.
+
+        Raises FrontError for a count below 1.
+        """
+        rows = representative(self.integers, count)
+        if len(rows) == len(self.costs):
+            return self
+        kept = np.zeros(len(self.costs), np.bool_)
+        kept[rows] = True
+        return self._selected(kept, f"greedy hypervolume (at least {SHARE} of that of the best {len(rows):,} points)")
 
     def _columns(self, names: Iterable[str]) -> list[int]:
         """Return the column indices of criteria given by name."""

@@ -27,7 +27,6 @@ from hpop.frontier.dominance import (
     quantised,
 )
 from hpop.frontier.points import (
-    SHARE,
     FrontError,
     FrontFileError,
     ItemPoint,
@@ -36,7 +35,6 @@ from hpop.frontier.points import (
     minimised,
     names_of,
     origins,
-    representative,
 )
 
 if TYPE_CHECKING:
@@ -286,39 +284,8 @@ class ItemFront(Choices[T], Generic[T]):
             claimed = f"{claimed[: MOST_CLAIMED - 3]}..."
         return printable(f"<Front: {len(self)} points of {criteria}; {self.status}; {claimed}>")
 
-    def where(self, conditions_by_name: Mapping[str, Any] | None = None, /, **named: Any) -> Self:
-        """Return the front of the points that meet all conditions on criteria and reported values.
-
-        Example: ``front.where(turns="<=5", length="<= 30")``; give a dict if a name is no Python name. A condition is
-        one of <=, <, >=, >, ==, != followed by a number in the unit of the column; a number alone means equality. Costs
-        are compared in whole quanta. If no point meets the conditions, the new front is empty, and its certificate
-        names the nearest point of this front.
-
-        Raises UnknownColumnError for a name that the front does not have, FrontError for an invalid condition.
-        """
-        wanted = choices.conditions(conditions_by_name, named)
-        return self._selected(choices.met(self, wanted), choices.in_words(self, wanted))
-
-    def representative(self, count: int) -> Self:
-        """Return the front of up to ``count`` points that represent this one: together they have a large hypervolume.
-
-        At least 63 % of that of the best ``count`` points; see :func:`hpop.frontier.representative`. Points that are
-        best in one criterion, and the knee, may be missing.
-
-        Raises FrontError for a count below 1.
-        """
-        rows = representative(self.integers, count)
-        if len(rows) == len(self):
-            return self
-        kept = np.zeros(len(self), np.bool_)
-        kept[rows] = True
-        return self._selected(kept, f"greedy hypervolume (at least {SHARE} of that of the best {len(rows):,} points)")
-
     def _selected(self, kept: BoolArray, by: str) -> Self:
-        """Return the front of the points in a mask (n,).
-
-        by  text for the certificate, which becomes "selected from 9 points by TEXT: ..."
-        """
+        """Return the front of the points in a mask (n,); its certificate begins with "selected from 9 points by"."""
         rows = np.flatnonzero(kept)
         return replace(
             self,

@@ -29,7 +29,7 @@ from hpop.problems.why import why_not
 from hpop.runtime.limits import no_path_note
 from hpop.scenario import Scenario
 from hpop.trajectories.trajectory import Trajectory
-from hpop.view.explorer.payload import payload as explorer_payload
+from hpop.view.explorer import payload as explorer_payload
 from hpop.world import Person
 
 TIMES_AHEAD, MOST_AHEAD = 3.0, 3.0

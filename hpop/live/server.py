@@ -21,7 +21,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from hpop.live.scene import video_origin
 from hpop.live.viewer import Audience, Viewer
 from hpop.runtime.page_server import LOCAL, PageServer, same
-from hpop.view.explorer.payload import SCRIPT as EXPLORER
+from hpop.view.explorer import SCRIPT as EXPLORER
 from hpop.view.single_page import bundle, single_page
 
 GREETING = 10.0

@@ -17,8 +17,8 @@ from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.options import FARTHEST
 from hpop.base.registry import models, with_optional_members
 from hpop.errors import ModelError, UnsupportedModel
+from hpop.models.collision import Part
 from hpop.models.collision.leaving import planar_collision
-from hpop.models.collision.parts import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution

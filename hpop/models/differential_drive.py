@@ -18,7 +18,7 @@ from hpop.base.options import LEAST, MOST, real, set_reals, truth
 from hpop.base.text import shown
 from hpop.errors import ModelError
 from hpop.models.base import PlanarModel, model, plane_space
-from hpop.models.collision.parts import Part, convex_parts, notes_on_seat
+from hpop.models.collision import Part, convex_parts, notes_on_seat
 from hpop.models.driven import Drive
 from hpop.models.laws import Move, Run, Spin, Turn
 from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat

@@ -11,11 +11,10 @@ import numpy as np
 
 from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.options import Angle
-from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, QueryError
 from hpop.models.base import PlanarModel, model
-from hpop.models.collision.parts import Part as Prism
+from hpop.models.collision import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
 from hpop.models.collision.solid import SolidCollision
 from hpop.models.differential_drive import DifferentialDrive, OnBase
@@ -33,6 +32,7 @@ from hpop.models.mobile_collision import (
     carried_chain,
     carried_parts,
     check_kept,
+    check_parts,
     touching_platform,
 )
 from hpop.models.ramps import doubtful_ramps, ramp_faults, ramps_of
@@ -56,7 +56,6 @@ from hpop.models.serial_arm.kinematics import Kinematics
 from hpop.models.serial_arm.laws import ArmBody, Reach
 from hpop.models.serial_arm.laws import faults as joint_faults
 from hpop.motions import (
-    MODEL_DEFAULTS,
     Body,
     Law,
     Leg,
@@ -79,7 +78,6 @@ from hpop.world.readers.moveit_frames import placed_scene
 AXIS = Mount()  # position of the body "base": on the axis, on the floor
 UNFOLDED = 1e-6  # rad or m: by how much a joint of a folded arm may differ from its folded value
 REACH = "reach"  # name of the arm's law
-CARRIES = frozenset({"base", "plane", "rigid"})  # capabilities of a base that can carry an arm
 
 
 @model("mobile_arm")
@@ -105,7 +103,7 @@ class MobileArm(OnBase, Model):
     folded: str | tuple[Angle, ...] | dict[str, Angle] = "home"
 
     def __post_init__(self) -> None:
-        _check_parts(self.arm, self.base)
+        check_parts(self.arm, self.base)
         try:
             values = self._rest.values()
         except QueryError as error:
@@ -395,31 +393,3 @@ class MobileArm(OnBase, Model):
         """Return name and parameters for JSON, enough to build an equal robot; arm and base are described likewise."""
         given = {one.name: getattr(self, one.name) for one in fields(self)}
         return {self.name: {name: v.describe() if isinstance(v, Model) else v for name, v in given.items()}}
-
-
-def _check_parts(arm: Any, base: Any) -> None:
-    """Raise ModelError for an arm and a base that cannot form a mobile arm."""
-    if not isinstance(arm, SerialArm):
-        raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
-    if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
-        raise ModelError(
-            f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"
-        )
-    if with_optional_members(base, MODEL_DEFAULTS).field_of_view is not None:
-        raise ModelError(
-            "field_of_view of the base must not be set, because the arm carries the camera; set it for the arm"
-        )
-    if taken := [name for name in arm.joints if name in base.space.names]:
-        raise ModelError(
-            "joints of the arm must not have names of states of the base, but a joint is called "
-            f"{shown(taken[0])}; rename it in the URDF"
-        )
-    if taken := [kind for kind in base.laws if kind in arm.laws]:
-        raise ModelError(
-            f"the base must not have a law (kind of motion) called {taken[0]!r}, because the arm's law has this name; "
-            "rename the base's law"
-        )
-    if any(part.link == PLATFORM for part in arm.parts):
-        raise ModelError(
-            f"no link of the arm may be called {PLATFORM!r}, which is the name of the base; rename it in the URDF"
-        )

@@ -3,7 +3,7 @@
 The base is tested with obstacles, keep-out zones and the border of the map, as without an arm. Links are tested with
 the solids of the world, with each other and with the base. For them, base and arm form one chain, whose first joints
 are x, y and yaw. Straight moves, turns in place and reaches change these joints linearly, so the proofs for an arm's
-motions hold for all of them.
+motions hold for all of them. Here is also the check that an arm and a base can form a mobile arm.
 """
 
 from __future__ import annotations
@@ -13,22 +13,34 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
+from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError
-from hpop.models.collision.parts import Part as Prism
+from hpop.models.base import PlanarModel
+from hpop.models.collision import Part as Prism
+from hpop.models.serial_arm import SerialArm
 from hpop.models.serial_arm.chain import ArmPart, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.collision import ArmCollision, always_touching
 from hpop.models.serial_arm.judge import ArmJudge
 from hpop.models.serial_arm.keep import SLACK, KeepingCollision, KeepingJudge, KeptAxis
 from hpop.models.serial_arm.kinematics import Kinematics
-from hpop.motions import Collision, Motions, States, StateSpace
+from hpop.motions import (
+    MODEL_DEFAULTS,
+    Collision,
+    Motions,
+    States,
+    StateSpace,
+)
 from hpop.world import World
 from hpop.world.geometry.solids import Cylinder, Hull, Solid
+
+CARRIES = frozenset({"base", "plane", "rigid"})  # capabilities of a base that can carry an arm
 
 BASE = 3  # number of joints for the base, and the number of the frame that moves with it
 VERTICAL = 1e-6  # largest horizontal part of a vertical unit vector
@@ -199,3 +211,31 @@ class MobileCollision(BaseAndLinks):
         x, y = np.asarray(states.x, float), np.asarray(states.y, float)
         around = [self.world.clearance(x, y, z=(part.z_min, part.z_max)) - part.reach for part in self.platform]
         return np.asarray(np.maximum(0.0, np.min([self.links.clearance(states), *around], axis=0)))
+
+
+def check_parts(arm: Any, base: Any) -> None:
+    """Raise ModelError for an arm and a base that cannot form a mobile arm."""
+    if not isinstance(arm, SerialArm):
+        raise ModelError(f"arm must be a serial arm, arm=SerialArm(...), got {shown(arm)}")
+    if not isinstance(base, PlanarModel) or not base.provides >= CARRIES:
+        raise ModelError(
+            f"base must be a model in the plane without joints, such as base=DifferentialDrive(...), got {shown(base)}"
+        )
+    if with_optional_members(base, MODEL_DEFAULTS).field_of_view is not None:
+        raise ModelError(
+            "field_of_view of the base must not be set, because the arm carries the camera; set it for the arm"
+        )
+    if taken := [name for name in arm.joints if name in base.space.names]:
+        raise ModelError(
+            "joints of the arm must not have names of states of the base, but a joint is called "
+            f"{shown(taken[0])}; rename it in the URDF"
+        )
+    if taken := [kind for kind in base.laws if kind in arm.laws]:
+        raise ModelError(
+            f"the base must not have a law (kind of motion) called {taken[0]!r}, because the arm's law has this name; "
+            "rename the base's law"
+        )
+    if any(part.link == PLATFORM for part in arm.parts):
+        raise ModelError(
+            f"no link of the arm may be called {PLATFORM!r}, which is the name of the base; rename it in the URDF"
+        )

@@ -17,7 +17,7 @@ from hpop.base.registry import with_optional_members
 from hpop.base.text import shown
 from hpop.errors import ModelError, OptionError
 from hpop.models.base import PlanarModel, model
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.models.differential_drive import SLOWEST, DifferentialDrive, OnBase
 from hpop.models.joints import Stations, grid_of_stations, legs_of_joints, stop_faults, stops_of
 from hpop.models.laws import JointMove, Turn, Unwind, cruise_speed

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from hpop.planners.graph_planners import Lattice as Lattice
     from hpop.planners.graph_planners import Roadmap as Roadmap
     from hpop.planners.graph_planners import WeightedSum as WeightedSum
-    from hpop.planners.programs.corridor.planner import WeightedSumCorridor as WeightedSumCorridor
-    from hpop.planners.programs.epsilon_constraint.planner import EpsilonConstraint as EpsilonConstraint
-    from hpop.planners.programs.smoothing.planner import Smoothing as Smoothing
-    from hpop.planners.programs.spline.planner import Spline as Spline
+    from hpop.planners.programs.corridor import WeightedSumCorridor as WeightedSumCorridor
+    from hpop.planners.programs.epsilon_constraint import EpsilonConstraint as EpsilonConstraint
+    from hpop.planners.programs.smoothing import Smoothing as Smoothing
+    from hpop.planners.programs.spline import Spline as Spline
     from hpop.planners.rrt import RRT as RRT
-    from hpop.planners.searches.exact import Exact as Exact
+    from hpop.planners.searches import Exact as Exact
 
 _HOMES = homes_of(__name__)
 __all__ = [*_HOMES, "Candidates", "Planner", "make_planner", "planner"]

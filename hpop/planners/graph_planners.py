@@ -17,15 +17,15 @@ from hpop.planners.base import Candidates, planner
 from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble, checked_edges_text
 from hpop.planners.graphs.corners import CornersGraph
 from hpop.planners.graphs.family import GraphFamily, GraphSpec, NotBuilt, make_family
-from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.graphs.lattice import LatticeGraph
 from hpop.planners.graphs.query import Query, built_query, refuse_unanswerable
-from hpop.planners.graphs.roadmap.family import RoadmapGraph
+from hpop.planners.graphs.roadmap import RoadmapGraph
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.searches.exact import QUICK, SHARE, ExactSearch
+from hpop.planners.searches import QUICK, SHARE, ExactSearch
 from hpop.planners.spending import Exhausted, Limits, Spending, stopped
 from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import supported_paths
-from hpop.search.supported.weights import checked_divisions, integer_weights
+from hpop.search.supported import checked_divisions, integer_weights
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem

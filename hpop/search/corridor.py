@@ -34,7 +34,7 @@ from hpop.base.arrays import FloatArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.runtime.limits import Status
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import Precision, thin_front
+from hpop.search.machinery import Precision, thin_front
 from hpop.search.machinery.slices import Clock
 from hpop.search.queries import ParetoPaths, SearchStats, query_text
 from hpop.search.staircase.labels import UncoveredCorners, least_estimates

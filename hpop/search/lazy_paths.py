@@ -21,7 +21,7 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from hpop.frontier import is_nondominated
 from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import proven_gap
+from hpop.search.machinery import proven_gap
 from hpop.search.machinery.checkpoint import Arrays, Keeper, invalid_checkpoint
 from hpop.search.queries import ParetoPaths
 

@@ -15,10 +15,9 @@ from hpop.base.text import shown
 from hpop.errors import OptionError
 from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import general, machinery, staircase, supported
-from hpop.search.choice import choose_method, choose_order
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import Free, LazyRun
-from hpop.search.machinery.approximation import EXACT, Precision, proven_gap
+from hpop.search.machinery import EXACT, Precision, proven_gap
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
 from hpop.search.queries import (
     UNLIMITED,
@@ -30,6 +29,7 @@ from hpop.search.queries import (
     precision_of,
     query_text,
 )
+from hpop.search.staircase import choose_method, choose_order
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -124,8 +124,8 @@ def pareto_paths(
 
     Cost: `method` "staircase" (:mod:`.staircase.search`) needs two or three costs, one of them a sum of small integers;
     "general" (:mod:`.general.search`) takes all graphs. "auto" takes "staircase" for three costs if one of them counts
-    turns in groups of nodes (:mod:`.machinery.turns`), or if the table of all staircases is small (:mod:`.choice`). The
-    order in which costs are compared is always chosen.
+    turns in groups of nodes (:mod:`.machinery.turns`), or if the table of all staircases is small (:mod:`.staircase`).
+    The order in which costs are compared is always chosen.
 
     `checkpoint` is a file, or a :class:`.Checkpoint`, in which the search saves its state. The same query with the same
     file resumes the search after a limit, Ctrl-C or kill -9, with the same result as without the stop. A time limit

@@ -17,7 +17,7 @@ from hpop.errors import GraphError, OptionError, QueryError, did_you_mean
 from hpop.frontier import ItemFront
 from hpop.runtime.limits import Budget, Status
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, Precision
+from hpop.search.machinery import ANYTHING, Precision
 from hpop.search.networks import WHOLE, unknown_label
 
 UNLIMITED = Budget()

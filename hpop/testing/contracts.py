@@ -13,7 +13,7 @@ from hpop.base.registry import criteria
 from hpop.base.text import shown
 from hpop.criteria.base import Aggregate, Criterion, Group, Role, class_of
 from hpop.errors import HpopError, ModelError
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.models.rigid import checked_field_of_view
 from hpop.motions import Body, Model, Motions, Pose, States, collision_of
 from hpop.motions.states import Vector

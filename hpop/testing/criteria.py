@@ -165,7 +165,8 @@ def criterion_checks(criterion: Criterion, *, rng: RNG = 0) -> Iterator[Check]:
     )
     if not jointed:
         yield Check(
-            "costs the same wherever a curve is cut", fault_of(lambda: _cutting_fault(criterion, random, world, model))
+            "costs the same wherever a curve is cut",
+            fault_of(lambda: _pieces_fault(criterion, random_motions(random, world, model, "drive", 12))),
         )
         if criterion.aggregate != "max":
             yield Check("has a rate without jumps", fault_of(lambda: _jump_fault(criterion, seed, wide, model)))
@@ -203,12 +204,8 @@ def _subset(motions: Motions, index: slice | IntArray) -> Motions:
     return replace(motions, start=motions.start.take(index), end=motions.end.take(index), t0=t0)
 
 
-def _cutting_fault(criterion: Criterion, rng: np.random.Generator, world: World, model: Model) -> str:
-    """Return a fault if the costs of curves (trajectories of one motion) change when they are cut in two or in five."""
-    return _pieces_fault(criterion, random_motions(rng, world, model, "drive", 12))
-
-
 def _pieces_fault(criterion: Criterion, m: Motions) -> str:
+    """Return a fault if the costs of curves (trajectories of one motion) change when they are cut in two or in five."""
     wholes = list(as_trajectories(m))
     expected = trajectory_costs([criterion], wholes, m.world)
     for pieces in (2, 5):

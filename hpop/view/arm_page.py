@@ -26,8 +26,8 @@ from hpop.models.serial_arm.collision import KEPT, ArmCollision
 from hpop.models.serial_arm.keep import KeptAxis
 from hpop.models.serial_arm.model import SerialArm
 from hpop.models.serial_arm.scene import ArmScene, along_z, scene_of
+from hpop.models.two_arms import TwoArms
 from hpop.models.two_arms.collision import WORK
-from hpop.models.two_arms.model import TwoArms
 from hpop.motions import Model
 from hpop.motions.states import Values
 from hpop.problems.problem import Problem

@@ -42,7 +42,7 @@ from hpop.view.style import (
 )
 
 if TYPE_CHECKING:
-    from hpop.batches.summary import PlannerSummary
+    from hpop.batches import PlannerSummary
 
 MOST_IN_MATRIX = 4
 WRAP = 32  # characters a line in a legend beside each empty panel

@@ -32,7 +32,7 @@ from hpop.problems.problem import Problem
 from hpop.runtime import limits
 from hpop.runtime.limits import Budget
 from hpop.view.content import draw_content
-from hpop.view.explorer.payload import SCRIPT, payload
+from hpop.view.explorer import SCRIPT, payload
 from hpop.view.felt import draw_felt
 from hpop.view.front_plot import draw_front
 from hpop.view.ground import View, draw_scale_bar, outline

@@ -7,10 +7,9 @@ import pytest
 import shapely
 
 import hpop
-from hpop.batches import Results, batch
+from hpop.batches import Results, batch, summaries, summary_lines
 from hpop.batches.cases import Case
 from hpop.batches.results import JOURNAL, Writer
-from hpop.batches.summary import summaries, summary_lines
 from hpop.errors import OptionError, OutputError
 from hpop.view import draw_batch
 

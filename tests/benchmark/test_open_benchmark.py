@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from hpop.benchmark import READERS, front_hash, read_graph, read_tntp, write_graph
 from hpop.benchmark.__main__ import main
-from hpop.benchmark.graph_files import READERS, front_hash, read_graph, read_tntp, write_graph
 from hpop.benchmark.running import ForeignProgram, add_query, read_queries, read_reference, run_program
 from hpop.errors import GraphError, OptionError
 from hpop.search import Graph, pareto_paths

@@ -11,7 +11,7 @@ from playwright.sync_api import Page
 
 import hpop
 from hpop.base.arrays import BoolArray, FloatArray
-from hpop.view.explorer.payload import payload
+from hpop.view.explorer import payload
 from hpop.view.single_page import single_page
 
 READY = "window.hpop !== undefined"

@@ -18,8 +18,7 @@ from hpop.criteria import (
     make_criterion,
     trajectory_cost,
 )
-from hpop.criteria.comfort.sickness import W_D, W_F, W_K
-from hpop.criteria.comfort.svc import sicken
+from hpop.criteria.comfort.sickness import W_D, W_F, W_K, sicken
 from hpop.errors import CriterionError, ModelError
 from hpop.models import DifferentialDrive, PanTilt
 from hpop.trajectories.trajectory import Trajectory

@@ -11,8 +11,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import TransferFunction, cont2discrete, lfilter, lsim
 
 from hpop.criteria import MSDV, Sickness, trajectory_cost
-from hpop.criteria.comfort.sickness import W_F
-from hpop.criteria.comfort.svc import Constants, sicken
+from hpop.criteria.comfort.sickness import W_F, Constants, sicken
 from hpop.criteria.costs import running_costs
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive

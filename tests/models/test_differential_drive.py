@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hpop.base.registry import make_model
 from hpop.errors import ModelError
 from hpop.models import DifferentialDrive
-from hpop.models.collision.parts import Part, convex_parts
+from hpop.models.collision import Part, convex_parts
 from hpop.motions import States
 
 LENGTHS = [

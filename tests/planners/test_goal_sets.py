@@ -13,8 +13,8 @@ import hpop
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
 from hpop.planners import Lattice
-from hpop.planners.graphs.lattice import family as lattice_planner
-from hpop.planners.searches import exact as exact_search
+from hpop.planners import searches as exact_search
+from hpop.planners.graphs import lattice as lattice_planner
 from hpop.planners.spending import Spending
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

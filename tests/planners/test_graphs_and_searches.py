@@ -16,7 +16,7 @@ from hpop.planners import Candidates
 from hpop.planners.graph_planners import WeightedSum
 from hpop.planners.graphs import GraphFamily
 from hpop.planners.graphs.family import make_family
-from hpop.planners.searches.exact import Exact
+from hpop.planners.searches import Exact
 from hpop.planners.spending import Exhausted
 from hpop.problems.verify import verify
 from hpop.runtime.limits import Progress, Status
@@ -207,7 +207,7 @@ def test_what_a_bound_forbids_is_not_given_back_when_time_is_over(monkeypatch: p
     def too_late(*_: object, **__: object) -> None:
         raise Exhausted(Status.TIME_LIMIT, "arcs were costed")
 
-    monkeypatch.setattr("hpop.planners.searches.exact.built_query", too_late)
+    monkeypatch.setattr("hpop.planners.searches.built_query", too_late)
     for family, few in (("lattice", 0), ("corners", 1)):
         asked = question(family, world=hpop.World.from_polygons(WALLS, extent=EXTENT))  # which keeps no costs
         bounded = Exact(FAMILIES[family][0], max_turns=few, time_limit=60.0).solve(asked)

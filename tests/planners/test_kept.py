@@ -54,7 +54,7 @@ def until(monkeypatch, costed):
 def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
     planner, edges, what, until, costed, monkeypatch
 ):
-    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.MOST_FIRST", 40)
     monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
     until(edges)
     front = asked("watched", "turns").solve(planner)
@@ -68,7 +68,7 @@ def test_a_graph_that_is_not_costed_in_time_leaves_the_paths_of_a_part_of_it(
 
 
 def test_a_roadmap_that_is_not_costed_in_time_leaves_the_paths_of_one_of_fewer_samples(until, monkeypatch):
-    monkeypatch.setattr("hpop.planners.graphs.roadmap.family.SMALLEST", 50)
+    monkeypatch.setattr("hpop.planners.graphs.roadmap.SMALLEST", 50)
     monkeypatch.setattr("hpop.planners.graphs.arcs.BLOCK", 1000)
     until(15_000)  # a roadmap of 50 samples has some 10,000 edges, one of 200 some 40,000
     front = asked("watched", "turns").solve(Roadmap(samples=200, neighbours=6, time_limit=1000.0))

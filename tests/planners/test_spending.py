@@ -87,7 +87,7 @@ def test_memory_that_nobody_counts_shows_in_the_size_of_the_process(monkeypatch)
 
 
 def test_what_a_stage_found_is_kept_when_the_whole_is_not_built_in_time(monkeypatch):
-    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.MOST_FIRST", 40)
     problem, planner = asked("length", "turns"), Lattice(step=0.25)
     lattice = planner.lattice(problem)
     room = lattice.size * lattice.headings.count * 20  # bytes: it can be laid out, but not costed

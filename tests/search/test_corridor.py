@@ -8,7 +8,7 @@ import pytest
 from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, pareto_paths
 from hpop.search.corridor import LargeQuery, search_in_corridor
-from hpop.search.machinery.approximation import Precision
+from hpop.search.machinery import Precision
 from hpop.search.machinery.slices import Clock
 
 HEADINGS = ((1, 0), (0, 1), (-1, 0), (0, -1))

@@ -8,7 +8,7 @@ import shapely
 from scipy.stats import norm
 
 from hpop.models import DifferentialDrive
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.motions import States
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

@@ -153,7 +153,7 @@ class RideSickness:
     only sees the motion, use ``sickness``. Unit %; a criterion of the whole trajectory. Sickness builds up over
     tau_I = 12 minutes: compare short rides by it, do not predict.
 
-    Source: :mod:`hpop.criteria.comfort.svc` has the model, its constants, its reading of vision, and its accuracy.
+    Source: :mod:`hpop.criteria.comfort.sickness` has the model, its constants, its reading of vision, and its accuracy.
     """
 
     vision: float = 0.0
@@ -163,7 +163,7 @@ class RideSickness:
 
     def cost(self, m: History) -> FloatArray:
         """Return the share of people (M,), %, who would have vomited by the end of each motion."""
-        from hpop.criteria.comfort.svc import GRAVITY, STEP, sicken  # importing numba takes half a second
+        from hpop.criteria.comfort.sickness import GRAVITY, STEP, sicken  # importing numba takes half a second
 
         felt = body_motion(m, "seat", STEP)
         force = felt.acceleration + GRAVITY * (felt.vertical - np.array([0.0, 0.0, 1.0]))

@@ -26,7 +26,7 @@ from hpop.models.ackermann.laws import (
 from hpop.models.ackermann.words import MOST as LETTERS
 from hpop.models.ackermann.words import Word, composed, dubins, reeds_shepp
 from hpop.models.base import PlanarModel, model, plane_space
-from hpop.models.collision.parts import Part, convex_parts, notes_on_seat
+from hpop.models.collision import Part, convex_parts, notes_on_seat
 from hpop.models.differential_drive import LONGEST, SLOWEST, checked_footprint, checked_offset
 from hpop.models.ramps import doubtful_ramps, ramp_faults
 from hpop.models.rigid import FieldOfView, Mount, Position, checked_field_of_view, checked_seat

@@ -16,7 +16,7 @@ import numpy as np
 import shapely
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import Motions, States
 from hpop.world import World

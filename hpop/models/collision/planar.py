@@ -18,7 +18,7 @@ import shapely
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
 from hpop.base.text import shown
-from hpop.models.collision.parts import Part, joints_of
+from hpop.models.collision import Part, joints_of
 from hpop.motions import Motions, PlaneCollision, States, is_curve
 from hpop.runtime import limits
 from hpop.world.geometry.shapes import overlaps

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, numbered
-from hpop.models.collision.parts import Part, joints_of
+from hpop.models.collision import Part, joints_of
 from hpop.models.collision.planar import blocking_reason
 from hpop.motions import Law, Motions, States, is_curve, slopes
 

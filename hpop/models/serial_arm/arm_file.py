@@ -15,6 +15,9 @@ from hpop.base.text import shown
 from hpop.errors import did_you_mean
 from hpop.models.serial_arm.chain import ArmPart, AttachedObject, Chain, FrameMount, Pair, pair_of
 from hpop.models.serial_arm.checks import (
+    ROUNDED,
+    check_moves,
+    check_within,
     invalid_limit_notes,
     missing_collision_notes,
     passive_joint_notes,
@@ -31,8 +34,6 @@ Place = tuple[int, FloatArray]
 """Number of a frame of the chain, and a pose (4, 4) in this frame."""
 Values = tuple[float, ...]
 NO_SRDF = "states get their names from an SRDF, and no file was given as srdf"
-ROUNDED = 5e-4
-"""Tolerance, rad or m, for values of named states that rounding has moved beyond a limit, such as 1.5708 for pi/2."""
 
 
 class Assembly(NamedTuple):
@@ -67,7 +68,7 @@ def assemble(
     ancestry = robot.ancestry(tip)
     joints = [joint for joint in ancestry if joint.kind != "fixed" and joint.name not in fixed]
     for joint in joints:
-        _check_moves(robot, joint)
+        check_moves(robot, joint)
     if not joints:
         raise robot.file.error(
             f"at least one joint between the root {shown(robot.root)} and the tip {shown(tip)} must move; give another "
@@ -189,21 +190,6 @@ def _joints_from_root(robot: Robot) -> Iterator[UrdfJoint]:
             rest.append(joint.child)
 
 
-def _check_moves(robot: Robot, joint: UrdfJoint) -> None:
-    """Raise ModelError for a joint between root and tip that an arm cannot have, such as one that mimics another."""
-    way_out = f"if it does not move, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
-    if joint.kind not in MOVING:
-        raise robot.file.error(
-            f"joints between the root and the tip must be fixed, {', '.join(MOVING)}, but joint {shown(joint.name)} "
-            f"is {joint.kind}; {way_out}"
-        )
-    if joint.mimic is not None:
-        raise robot.file.error(
-            f"joints between the root and the tip must move independently, but joint {shown(joint.name)} mimics "
-            f"{shown(joint.mimic.joint)}; {way_out}"
-        )
-
-
 def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, float]) -> dict[str, float]:
     """Return the value, rad or m, of each joint outside the chain that could move, by name.
 
@@ -217,7 +203,7 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
 
     def value(joint: UrdfJoint, followed: tuple[str, ...] = ()) -> float:
         if joint.name in fixed:
-            _check_within(robot, joint, fixed[joint.name])
+            check_within(robot, joint, fixed[joint.name])
             return fixed[joint.name]
         if joint.mimic is not None:
             leader = joint.mimic.joint
@@ -235,19 +221,6 @@ def _fixed_values(robot: Robot, moving: Mapping[str, int], fixed: Mapping[str, f
         if joint.name not in moving and joint.kind in MOVING:
             stands[joint.name] = value(joint)
     return stands
-
-
-def _check_within(robot: Robot, joint: UrdfJoint, value: float) -> None:
-    """Raise ModelError if a joint is fixed at a value, rad or m, beyond its limits by more than rounding."""
-    low, high = joint.low, joint.high
-    if joint.kind not in ("revolute", "prismatic") or low is None or high is None or low >= high:
-        return
-    if not low - ROUNDED <= value <= high + ROUNDED:
-        unit = "m" if joint.kind == "prismatic" else "rad"
-        raise robot.file.error(
-            f"fixed must give joint {shown(joint.name)} a value within its limits, {low:.6g} to {high:.6g} {unit}, got "
-            f"{value:.6g}; correct the value, or the limits in the URDF"
-        )
 
 
 def _limits(robot: Robot, joint: UrdfJoint) -> tuple[float, float]:

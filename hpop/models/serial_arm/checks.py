@@ -19,7 +19,7 @@ from hpop.base.options import MOST, real
 from hpop.base.text import shown
 from hpop.errors import ModelError, did_you_mean
 from hpop.models.files import is_record, path_of
-from hpop.models.serial_arm.urdf import Robot, Semantics
+from hpop.models.serial_arm.urdf import MOVING, Robot, Semantics, UrdfJoint
 from hpop.models.serial_arm.xml import pose_of
 from hpop.models.speeds import MOST_CLASSES
 from hpop.world import World
@@ -27,6 +27,8 @@ from hpop.world import World
 FARTHEST = 1e4  # m: largest coordinate in the options `base` and `camera`
 SLOWEST = 1e-6
 LEAST_SCALING = 1e-3
+ROUNDED = 5e-4
+"""Tolerance, rad or m, for values that rounding has moved beyond a limit, such as 1.5708 for pi/2."""
 WORDS = {"urdf": "URDF", "srdf": "SRDF"}
 
 
@@ -163,3 +165,31 @@ def _names_text(names: list[str], most: int = MOST_NAMED) -> str:
     """Return names as text, separated by commas; after the first ones, only the number of the others."""
     more = [f"{len(names) - most:,} more"] if len(names) > most else []
     return ", ".join([*map(shown, names[:most]), *more])
+
+
+def check_moves(robot: Robot, joint: UrdfJoint) -> None:
+    """Raise ModelError for a joint between root and tip that an arm cannot have, such as one that mimics another."""
+    way_out = f"if it does not move, give its value in fixed, as {{{joint.name}: 0.0}}; or give another tip"
+    if joint.kind not in MOVING:
+        raise robot.file.error(
+            f"joints between the root and the tip must be fixed, {', '.join(MOVING)}, but joint {shown(joint.name)} "
+            f"is {joint.kind}; {way_out}"
+        )
+    if joint.mimic is not None:
+        raise robot.file.error(
+            f"joints between the root and the tip must move independently, but joint {shown(joint.name)} mimics "
+            f"{shown(joint.mimic.joint)}; {way_out}"
+        )
+
+
+def check_within(robot: Robot, joint: UrdfJoint, value: float) -> None:
+    """Raise ModelError if a joint is fixed at a value, rad or m, beyond its limits by more than rounding."""
+    low, high = joint.low, joint.high
+    if joint.kind not in ("revolute", "prismatic") or low is None or high is None or low >= high:
+        return
+    if not low - ROUNDED <= value <= high + ROUNDED:
+        unit = "m" if joint.kind == "prismatic" else "rad"
+        raise robot.file.error(
+            f"fixed must give joint {shown(joint.name)} a value within its limits, {low:.6g} to {high:.6g} {unit}, got "
+            f"{value:.6g}; correct the value, or the limits in the URDF"
+        )

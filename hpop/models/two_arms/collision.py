@@ -27,7 +27,7 @@ from hpop.world import World
 from hpop.world.geometry.solids import Solid
 
 if TYPE_CHECKING:
-    from hpop.models.two_arms.model import TwoArms
+    from hpop.models.two_arms import TwoArms
 
 BEND = 5e-4  # m: pieces are so short that the viewing arm is at most this far from a straight line in joint space
 PIECE = 0.05  # s, longest piece

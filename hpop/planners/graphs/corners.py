@@ -21,7 +21,7 @@ from hpop.motions.laws import CHANGE
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, NotBuilt, graph_family
 from hpop.planners.graphs.joined_ends import HEADING_TOLERANCE, UNMOVED, Ends
-from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.graphs.lattice import LatticeGraph
 from hpop.planners.graphs.roadmap.headings import SAME, StateRoadmap, checked_ends, pairs
 from hpop.planners.judgement import evaluable_in_time
 from hpop.planners.needs import goals_of, in_plane, start_of

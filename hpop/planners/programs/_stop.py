@@ -10,7 +10,7 @@ import casadi
 from hpop.runtime.interrupts import interrupts_held
 
 if TYPE_CHECKING:
-    from hpop.planners.programs.outcome import Deadline
+    from hpop.planners.programs import Deadline
 
 
 class Stop(casadi.Callback):

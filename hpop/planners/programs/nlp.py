@@ -27,7 +27,7 @@ from hpop.errors import OptionError, UnsupportedCriterion, did_you_mean
 from hpop.models.rigid import PlanarLaw
 from hpop.motions import LawDefaults, Motions, Phase, Rate, States
 from hpop.motions.symbolic import SymbolicMotions, lift, sparse_lookup
-from hpop.planners.programs.outcome import ONE_PROGRAM
+from hpop.planners.programs import ONE_PROGRAM
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import LimitPassed
 from hpop.world import World

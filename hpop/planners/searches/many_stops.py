@@ -31,7 +31,7 @@ from hpop.runtime.limits import Progress, Status
 from hpop.search import ParetoPaths, SearchStats
 
 if TYPE_CHECKING:
-    from hpop.planners.searches.exact import ExactSearch
+    from hpop.planners.searches import ExactSearch
     from hpop.problems.problem import Problem
 
 MOST_ARCS = 8_000_000  # paths between sites, for all sets of decided stops; with more, the fronts are thinned

@@ -18,8 +18,9 @@ heap, as their first cost is equal, and need not turn again, as no turn costs mo
 six costs this leaves a quarter of the labels. Only turns to a target wait in the heap, as solutions must be found in
 order.
 
-One heap with all open labels was measured against that of T-MDA (one label per node in the heap, the others at their
-arcs) and against buckets on the first cost: see docs/benchmarks.md.
+All open labels are in one heap (:class:`HeapSearch`), as in the search for a mean (:mod:`hpop.search.mean`). It was
+measured against the heap of T-MDA (one label per node in the heap, the others at their arcs) and against buckets on the
+first cost: see docs/benchmarks.md.
 """
 
 from __future__ import annotations
@@ -41,26 +42,117 @@ from hpop.search.general.tables import (
     trace_paths,
 )
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision
+from hpop.search.machinery import ANYTHING, EXACT, Precision
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.heap_search import HeapSearch
-from hpop.search.machinery.kernels import WORD_BITS, least_covered
+from hpop.search.machinery.kernels import WORD_BITS, least_covered, plan_keys, repack
 from hpop.search.machinery.labels import (
     ONE_LAYER,
     Nodes,
+    Unsound,
     check_solutions,
     enter_in_batches,
+    is_heap,
     retrace,
 )
 from hpop.search.machinery.slices import (
+    HEAP,
     INT32_LIMIT,
     KEYS,
+    N_OPEN,
     N_ROWS,
     ROWS,
     Clock,
+    Search,
 )
 from hpop.search.machinery.turns import CACHED, Groups
 from hpop.search.machinery.turns import SIZE as GROUP_SIZE
+
+
+class HeapSearch(Search):
+    """Search with a 4-ary heap of open labels (partial paths), sorted by their estimates (lower bounds of costs).
+
+    keys    (capacity * words,)  estimates, packed into words that sort in lexicographic order
+    values  (capacity,)          the labels
+    plan    how estimates are packed into keys, of :func:`.plan_keys`
+    """
+
+    keys: IntArray
+    values: IntArray
+
+    def __init__(self, f: list[int], rise: list[int], fan: int) -> None:
+        """Start with one open label (partial path), at the source.
+
+        f     (k,)  estimate of this label
+        rise  (k,)  largest growth of an estimate in one expansion
+        fan         largest number of new labels that one expansion adds
+        """
+        super().__init__(len(f), fan)
+        self.rise = np.array(rise, np.int64)
+        self.plan = plan_keys([2 * (a + b) for a, b in zip(f, rise, strict=True)])
+        self.keys = np.zeros(max(1024, 2 * fan) * self.plan[3], np.int64)
+        self.values = np.zeros(max(1024, 2 * fan), np.int64)
+        for j, value in enumerate(f):
+            self.keys[self.plan[0][j]] |= value << int(self.plan[1][j])
+
+    def arrays(self) -> list[np.ndarray[Any, Any]]:
+        """Return the arrays of the heap."""
+        return [self.keys, self.values]
+
+    def growth(self, code: int) -> tuple[int, Callable[[], None]]:
+        """Return how many bytes more are needed, and a function that doubles the heap or widens its keys.
+
+        ``code`` is the return value of a kernel that ran out of room: HEAP or KEYS.
+        """
+        if code == HEAP:
+            return self.keys.nbytes + self.values.nbytes, self._grow_heap
+        if code == KEYS:
+            return self.values.nbytes * self._wider_packing()[3], self._widen_keys
+        raise AssertionError(f"a kernel returned {code}, which names no array of its search; please report this bug")
+
+    def estimates(self) -> IntArray:
+        """Return the estimates (m, k) of all open labels (partial paths), unpacked from the heap's keys."""
+        word, shift, limit, words = self.plan
+        keys = self.keys[: int(self.counters[N_OPEN]) * words].reshape(-1, words)
+        return (keys[:, word] >> shift) & limit
+
+    def open_labels(self) -> tuple[IntArray, IntArray]:
+        """Return the open labels (partial paths) in the heap, and an empty array, as this search has no buckets."""
+        return self.values[: int(self.counters[N_OPEN])], np.zeros(0, np.int64)
+
+    def reopen(self, heap: IntArray, waiting: IntArray, costs: NDArray[Any], clock: Clock) -> None:
+        """Fill the heap with saved labels (h,) and their estimates ``costs`` (h, k); raise Unsound if it is no heap.
+
+        Labels are partial paths; estimates are their costs plus lower bounds of the remaining costs. ``waiting`` must
+        be empty: this search has no buckets.
+        """
+        if len(waiting):
+            raise Unsound("saved partial paths are in buckets, which this search does not use")
+        n = len(heap)
+        while n and (costs.max(axis=0) > self.plan[2]).any():
+            self._widen_keys()
+        while len(self.values) < n:
+            self._grow_heap()
+        word, shift, _, words = self.plan
+        self.keys[: n * words] = 0
+        for j in range(costs.shape[1]):
+            self.keys[word[j] : n * words : words] |= costs[:, j].astype(np.int64) << shift[j]
+        self.values[:n] = heap
+        if not clock.call(is_heap, self.keys, n, words):
+            raise Unsound("the saved open partial paths are not in the order of a heap")
+
+    def _grow_heap(self) -> None:
+        self.keys.resize(2 * len(self.keys), refcheck=False)
+        self.values.resize(2 * len(self.values), refcheck=False)
+
+    def _wider_packing(self) -> tuple[IntArray, IntArray, IntArray, int]:
+        return plan_keys([2 * int(limit) for limit in self.plan[2]])
+
+    def _widen_keys(self) -> None:
+        new = self._wider_packing()
+        keys = np.zeros(len(self.values) * new[3], np.int64)
+        repack(self.keys, int(self.counters[N_OPEN]), self.plan, new, keys)
+        self.keys, self.plan = keys, new
+
 
 MAX_KEY = 2**WORD_BITS - 1
 

@@ -257,7 +257,7 @@ def largest_gap(front: FloatArray, estimates: FloatArray, most: float) -> float:
 
 
 def proven_gap(front: IntArray, estimates: IntArray, most: float) -> float:
-    """Return the gap of a front (n, k) to estimates (m, k), like :func:`.approximation.proven_gap`, but faster.
+    """Return the gap of a front (n, k) to estimates (m, k), like :func:`hpop.search.machinery.proven_gap`, but faster.
 
     As soon as the gap reaches `most`, the computation stops and returns the gap found by then.
     """

@@ -1,6 +1,6 @@
 """Exact search if one cost is a mean: the ratio of two sums, an integral and a duration, beside other costs.
 
-The duration must be limited, by a cap or by bounds on other sums (:mod:`.mean.limits`).
+The duration must be limited, by a cap or by bounds on other sums (:mod:`hpop.search.mean`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import machinery, mean
 from hpop.search.graph import Graph
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper
-from hpop.search.mean.limits import MAX_PRODUCT, MeanLimits
+from hpop.search.mean import MAX_PRODUCT, MeanLimits
 from hpop.search.pareto_paths import pareto_paths
 from hpop.search.queries import UNLIMITED, ParetoPaths, checked_graph, checked_node, checked_targets
 

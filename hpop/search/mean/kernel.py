@@ -17,7 +17,7 @@ larger in the other costs. If a point is nowhere larger than f_b, a useful compl
 point; otherwise its mean is no larger than the largest on the front.
 
 Bound. A completion of b has at least the mean f_S / T, where T is the longest duration of b within the limits
-(:mod:`.mean.limits`). So b is useless if this mean is lam or more.
+(:mod:`hpop.search.mean`). So b is useless if this mean is lam or more.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ from hpop.search.machinery.slices import (
     ROWS,
     SLICE,
 )
-from hpop.search.mean.limits import INTEGRAL, OTHERS, TIME
+from hpop.search.mean import INTEGRAL, OTHERS, TIME
 
 START, SIZE, ROOM = range(3)  # columns of the table of blocks
 

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
+from hpop.search.general.search import HeapSearch
 from hpop.search.graph import Graph
 from hpop.search.machinery.bounds import UNREACHABLE
-from hpop.search.machinery.heap_search import HeapSearch
 from hpop.search.machinery.labels import ONE_LAYER, Nodes, Unsound, enter_in_batches, retrace
 from hpop.search.machinery.slices import N_FRONT, ROWS, Clock
+from hpop.search.mean import MeanLimits
 from hpop.search.mean.kernel import advance, checksum_of_blocks, enter_all
-from hpop.search.mean.limits import MeanLimits
 
 
 class CappedMean(HeapSearch):

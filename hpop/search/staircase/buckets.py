@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, Precision, thin_front
+from hpop.search.machinery import ANYTHING, Precision, thin_front
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.labels import Unsound, is_heap
 from hpop.search.machinery.slices import N_EXPANDED, N_FRONT, N_GENERATED, Clock, Search

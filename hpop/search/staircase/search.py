@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.frontier import is_nondominated
 from hpop.search.graph import Graph
-from hpop.search.machinery.approximation import ANYTHING, EXACT, Precision, proven_gap
+from hpop.search.machinery import ANYTHING, EXACT, Precision, proven_gap
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.labels import Nodes, Unsound, check_solutions, enter_in_batches
 from hpop.search.machinery.slices import (

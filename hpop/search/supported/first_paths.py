@@ -18,7 +18,7 @@ from hpop.frontier import is_nondominated
 from hpop.runtime.limits import Budget, Progress, ProgressCallback, Status
 from hpop.search.graph import Graph
 from hpop.search.queries import ParetoPaths, SearchStats
-from hpop.search.supported.weights import simplex_lattice
+from hpop.search.supported import simplex_lattice
 
 DIVISIONS = (2, 3)  # divisions of the lattices of weights that are tried after each cost alone
 TIE = 1e-6  # weight of the other costs when one cost is minimised

@@ -21,7 +21,7 @@ from hpop.search import machinery, supported
 from hpop.search.graph import Graph
 from hpop.search.lazy_paths import ArcStates, Free
 from hpop.search.queries import UNLIMITED, ParetoPaths, SearchStats, checked_graph, checked_node, checked_targets
-from hpop.search.supported.weights import (
+from hpop.search.supported import (
     NONE,
     Reduced,
     Task,

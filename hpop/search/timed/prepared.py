@@ -19,7 +19,7 @@ from hpop.base.text import shown
 from hpop.errors import GraphError, QueryError
 from hpop.frontier import is_nondominated
 from hpop.runtime.limits import Budget, Status
-from hpop.search.machinery.approximation import Precision
+from hpop.search.machinery import Precision
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.kernels import proven_gap
 from hpop.search.machinery.slices import Clock, DeadlineClock

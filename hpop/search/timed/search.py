@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import IntArray
 from hpop.runtime.limits import Status
-from hpop.search.machinery.approximation import ANYTHING, Precision
+from hpop.search.machinery import ANYTHING, Precision
 from hpop.search.machinery.slices import (
     CLOSED,
     COUNTERS,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hpop.base.arrays import FloatArray, IntArray
 from hpop.runtime.compiled import lean
-from hpop.search.machinery.approximation import ANYTHING
+from hpop.search.machinery import ANYTHING
 from hpop.search.machinery.checkpoint import CheckpointSpec, Keeper, Saved, invalid_checkpoint
 from hpop.search.machinery.kernels import least_covered
 from hpop.search.machinery.slices import N_FRONT, Clock

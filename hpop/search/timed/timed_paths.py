@@ -15,7 +15,7 @@ from hpop.errors import GraphError
 from hpop.frontier import is_nondominated
 from hpop.runtime.limits import Budget, ProgressCallback, Status
 from hpop.search import machinery, timed
-from hpop.search.machinery.approximation import ANYTHING, Precision
+from hpop.search.machinery import ANYTHING, Precision
 from hpop.search.queries import (
     UNLIMITED,
     SearchStats,

@@ -16,15 +16,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hpop.base.arrays import FloatArray
-from hpop.base.options import whole
 from hpop.base.text import counted, shown
 from hpop.errors import MapError, did_you_mean
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
 from hpop.world.bodies import LinkRules
 from hpop.world.files import file_source, named, read_bytes, read_text, read_yaml_documents
-from hpop.world.geometry.solids import MOST_POINTS, Box, Cylinder, Hull, Shape, Solid, Sphere, pose_at
-from hpop.world.readers.moveit_frames import WORLD_FRAMES, frame_notes, joint_values
+from hpop.world.geometry.solids import Shape, Solid
+from hpop.world.readers.moveit_frames import (
+    WORLD_FRAMES,
+    frame_notes,
+    joint_values,
+    read_shapes,
+    shape_pose,
+)
 from hpop.world.readers.moveit_parts import (
     SceneEntry,
     attached_objects,
@@ -39,9 +44,6 @@ MOST_BYTES = 5_000_000
 """Size of the largest scene file, bytes: some seconds of reading."""
 PARSED = 60
 """Memory of Python objects per byte of a file while it is read, bytes."""
-DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2}
-NUMBERED = {1: "box", 2: "sphere", 3: "cylinder", 4: "cone"}
-"""Names of primitives by their number in ``shape_msgs/SolidPrimitive``."""
 ADD, REMOVE, APPEND, MOVE = range(4)
 """Operations of ``moveit_msgs/CollisionObject``."""
 WORDS = ("add", "remove", "append", "move")
@@ -65,8 +67,6 @@ WITHIN = (
 """Keys of the parts of a scene in ``moveit_msgs/PlanningScene``; some of them are of no use for planning."""
 NUMBERS = ("vertices", "triangles", "data")
 """Keys of long lists of numbers."""
-CONVEX = 1e-4
-"""Largest difference between a convex mesh and its hull, by rounding in files, as a share of the hull's volume."""
 
 
 class Object(NamedTuple):
@@ -181,11 +181,11 @@ def _apply(scene: SceneEntry, objects: dict[str, Object], *, is_diff: bool) -> N
             del objects[name]
             continue
         frame, base = _resolved(_frame(thing), transforms, objects)
-        pose = base @ _pose(thing.get("pose"))
+        pose = base @ shape_pose(thing.get("pose"))
         if operation == MOVE:
             objects[name] = Object(frame, pose, objects[name].shapes)
             continue
-        shapes = list(_shapes(thing))
+        shapes = list(read_shapes(thing))
         if operation == APPEND:
             known = objects[name]
             if known.frame != frame:
@@ -211,7 +211,7 @@ def _unread(scene: SceneEntry) -> Iterator[str]:
         yield f"{state.what} is not read; give the start to the problem"
     moved = state.get("multi_dof_joint_state") if isinstance(state.given, dict) else None
     transforms = moved.get("transforms").entries() if moved is not None and isinstance(moved.given, dict) else []
-    if any(not np.allclose(_pose(each, "translation", "rotation"), np.eye(4), atol=1e-9) for each in transforms):
+    if any(not np.allclose(shape_pose(each, "translation", "rotation"), np.eye(4), atol=1e-9) for each in transforms):
         yield f"{state.what}: multi_dof_joint_state is not read; give the pose of the root link as base of the arm"
     if colours := scene.get("object_colors").entries():
         yield f"{scene.what} has {counted(len(colours), 'colour')} of objects, which are not read"
@@ -248,7 +248,7 @@ def _transforms(scene: SceneEntry) -> dict[str, tuple[str, FloatArray]]:
         child, moved = entry.get("child_frame_id"), entry.get("transform")
         if not isinstance(child.given, str):
             raise child.fault("the name of a frame")
-        pose = _pose(moved, "translation", "rotation")
+        pose = shape_pose(moved, "translation", "rotation")
         name, parent = child.given.lstrip("/"), _frame(entry)
         is_same = np.allclose(pose, np.eye(4), atol=1e-12)
         if not is_same and parent in ("", name):
@@ -325,91 +325,5 @@ def _operation(thing: SceneEntry, *, is_diff: bool) -> int:
 
 def _placed_shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
     """Yield each shape of an object with its pose (4, 4) in the frame of the object's header."""
-    base = _pose(thing.get("pose"))
-    return ((shape, base @ within) for shape, within in _shapes(thing))
-
-
-def _shapes(thing: SceneEntry) -> Iterator[tuple[Shape, FloatArray]]:
-    """Yield each shape of an object with its pose (4, 4) in the object."""
-    if thing.get("planes").given:
-        raise MapError(f"{thing.get('planes').what} are infinite, and are not read; replace each by a thin box.")
-    for kind, make in (("primitive", _primitive), ("mesh", _mesh)):
-        shapes = thing.get("meshes" if kind == "mesh" else "primitives").entries()
-        poses = thing.get(f"{kind}_poses").entries()
-        if poses and len(poses) != len(shapes):
-            raise MapError(
-                f"{thing.what} has {len(shapes)} {kind} shapes and {len(poses)} {kind}_poses; give one each."
-            )
-        for place, shape in enumerate(shapes):
-            limits.check(READING)
-            within = _pose(poses[place]) if poses else np.eye(4)
-            yield make(shape), within
-
-
-def _pose(part: SceneEntry, place: str = "position", turned: str = "orientation") -> FloatArray:
-    """Return a pose (4, 4) from position and orientation; a missing part or zero quaternion counts as the identity."""
-    if part.given is None:
-        return np.eye(4)
-    position, orientation = part.get(place), part.get(turned)
-    quaternion = None if orientation.given is None else orientation.numbers("xyzw")
-    try:
-        return pose_at(
-            (0.0, 0.0, 0.0) if position.given is None else position.numbers("xyz"),
-            quaternion=quaternion if quaternion and any(quaternion) else None,
-        )
-    except MapError as error:
-        raise error if part.what in str(error) else MapError(f"{part.what}: {error}") from None
-
-
-def _primitive(part: SceneEntry) -> Shape:
-    given = part.get("type").given
-    kind = NUMBERED.get(given) if type(given) is int else given
-    if not isinstance(kind, str) or kind not in DIMENSIONS:
-        raise part.get("type").fault(f"one of {', '.join(DIMENSIONS)} (give other shapes as convex meshes)")
-    sizes = part.get("dimensions")
-    if not isinstance(sizes.given, list) or len(sizes.given) != DIMENSIONS[kind]:
-        form = {"box": "[x, y, z]", "sphere": "[radius]", "cylinder": "[height, radius]"}[kind]
-        raise sizes.fault(f"{form} in m, of a {kind}")
-    try:
-        match kind:
-            case "box":
-                return Box(tuple(sizes.given))
-            case "sphere":
-                return Sphere(sizes.given[0])
-        return Cylinder(radius=sizes.given[1], length=sizes.given[0])
-    except MapError as error:
-        raise MapError(f"{sizes.what}: {error}") from None
-
-
-def _mesh(part: SceneEntry) -> Hull:
-    """Return a convex mesh as a hull; MapError if it is not convex."""
-    if part.get("resource").given is not None:
-        raise part.get("resource").fault("left out, as no mesh file is read: give vertices and triangles instead")
-    vertices = np.array([v.numbers("xyz") for v in part.get("vertices").entries(MOST_POINTS)]).reshape(-1, 3)
-    triangles = [_triangle(t, len(vertices)) for t in part.get("triangles").entries(2 * MOST_POINTS)]
-    corners = vertices[np.array(triangles, dtype=np.int64).reshape(-1, 3)]
-    try:
-        hull = Hull(np.unique(corners.reshape(-1, 3), axis=0))
-    except MapError as error:
-        raise MapError(f"{part.what}: {error}") from None
-    if not _is_convex(hull, corners):
-        raise MapError(
-            f"{part.what} is not convex, or its triangles are no closed and consistently oriented surface. Give its "
-            "convex pieces as meshes of their own."
-        )
-    return hull
-
-
-def _triangle(part: SceneEntry, count: int) -> list[int]:
-    """Return the indices of the three vertices of a triangle."""
-    inner = part.get("vertex_indices") if isinstance(part.given, dict) else part
-    if not isinstance(inner.given, list) or len(inner.given) != 3:
-        raise inner.fault("the indices of three vertices")
-    return [whole(inner.what, vertex, 0, count - 1, "the index of a vertex", error=MapError) for vertex in inner.given]
-
-
-def _is_convex(hull: Hull, corners: FloatArray) -> bool:
-    """Return whether triangles (F, 3, 3), if closed and equally oriented, enclose the volume of their convex hull."""
-    a, b, c = (corners - hull.points.mean(axis=0)).transpose(1, 0, 2)
-    volume = abs(float(np.einsum("ij,ij->", np.cross(a, b), c))) / 6
-    return volume >= (1 - CONVEX) * hull.volume
+    base = shape_pose(thing.get("pose"))
+    return ((shape, base @ within) for shape, within in read_shapes(thing))

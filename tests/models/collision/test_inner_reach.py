@@ -9,7 +9,7 @@ import pytest
 import shapely
 from shapely.affinity import rotate, translate
 
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.models.collision.planar import PlanarCollision
 from hpop.motions import States
 from hpop.world import World

@@ -14,14 +14,14 @@ from hpop.base.math import wrap
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
 from hpop.motions import States
+from hpop.planners import searches as exact_search
 from hpop.planners.graph_planners import Lattice, Roadmap, WeightedSum
+from hpop.planners.graphs import lattice as lattice_planner
 from hpop.planners.graphs.joined_ends import with_ends
-from hpop.planners.graphs.lattice import family as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.grid import Headings
 from hpop.planners.graphs.query import Query
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Spending
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

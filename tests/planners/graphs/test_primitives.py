@@ -15,7 +15,7 @@ from hpop.models.ackermann.primitives import HEADING_ANGLES, LEGS, primitives
 from hpop.motions import States
 from hpop.planners.graphs import PrimitivesGraph
 from hpop.planners.objectives import edge_objectives
-from hpop.planners.searches.exact import Exact
+from hpop.planners.searches import Exact
 from hpop.scenario import load_scenario
 from hpop.world import Person
 from tests.search.conftest import front_by_closure

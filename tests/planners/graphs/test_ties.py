@@ -86,7 +86,7 @@ def test_the_copy_of_a_first_stage_is_freed_and_given_back(monkeypatch):
             super().release(memory)
             copies.remove(memory)
 
-    monkeypatch.setattr("hpop.planners.graphs.lattice.family.MOST_FIRST", 40)
+    monkeypatch.setattr("hpop.planners.graphs.lattice.MOST_FIRST", 40)
     monkeypatch.setattr(Lattice, "spending", lambda planner, problem, progress: Watched())
     *_, front = asked("length").fronts([Lattice(step=0.25)], stage=lambda _: None)
     assert front.status == "complete"

@@ -8,8 +8,8 @@ import pytest
 import shapely
 
 import hpop
+from hpop.planners import searches as exact_search
 from hpop.planners.graph_planners import Lattice
-from hpop.planners.searches import exact as exact_search
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 

@@ -16,14 +16,14 @@ import hpop
 from hpop.base.arrays import BoolArray
 from hpop.errors import QueryError
 from hpop.frontier import is_nondominated
+from hpop.planners import searches as exact_search
 from hpop.planners.base import Candidates, Planner, joined, make_planner
 from hpop.planners.graph_planners import Lattice
-from hpop.planners.graphs.lattice import family as lattice_planner
+from hpop.planners.graphs import lattice as lattice_planner
 from hpop.planners.graphs.lattice.graph import StateLattice
 from hpop.planners.graphs.lattice.loops import DIAGONAL, STRAIGHT, cells_near_shortest_paths
 from hpop.planners.graphs.query import Query
 from hpop.planners.judgement import judge
-from hpop.planners.searches import exact as exact_search
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem

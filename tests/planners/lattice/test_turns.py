@@ -8,7 +8,7 @@ import pytest
 import hpop
 from hpop.models.collision.planar import PlanarCollision
 from hpop.planners.graphs.arcs import MOVE
-from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.graphs.lattice import LatticeGraph
 
 FOOTPRINTS = {
     "rectangle": ((0.3, 0.225), (-0.3, 0.225), (-0.3, -0.225), (0.3, -0.225)),

@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 import hpop
-from hpop.planners.graphs.lattice.family import LatticeGraph
+from hpop.planners.graphs.lattice import LatticeGraph
 from hpop.planners.objectives import edge_objectives
 from hpop.runtime.limits import Budget
 from hpop.search import Graph

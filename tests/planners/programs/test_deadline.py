@@ -11,12 +11,12 @@ import shapely
 import hpop
 from hpop.planners import EpsilonConstraint, Smoothing, WeightedSumCorridor
 from hpop.planners.judgement import judge
+from hpop.planners.programs import Deadline
 from hpop.planners.programs._stop import Stop
 from hpop.planners.programs.epsilon_constraint.grid import Cell, FreePolyline, Roles
 from hpop.planners.programs.epsilon_constraint.job import PolylineJob
 from hpop.planners.programs.epsilon_constraint.nearby import LocalModel
 from hpop.planners.programs.epsilon_constraint.program import PolylineProgram
-from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.polyline import Polyline
 from hpop.planners.programs.smoothing.job import SmoothingJob
 from hpop.planners.programs.smoothing.program import DrivenProgram

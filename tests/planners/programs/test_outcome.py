@@ -11,8 +11,8 @@ from hpop.base.math import is_symbolic
 from hpop.criteria import Length
 from hpop.models import DifferentialDrive
 from hpop.planners import EpsilonConstraint, Smoothing
+from hpop.planners.programs import ONE_PROGRAM
 from hpop.planners.programs.epsilon_constraint import program as polyline
-from hpop.planners.programs.outcome import ONE_PROGRAM
 from hpop.planners.programs.smoothing import program as driven_program
 from hpop.problems.problem import Problem
 from hpop.world import World

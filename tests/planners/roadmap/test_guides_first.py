@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from hpop.planners import Roadmap
-from hpop.planners.graphs.roadmap import family as roadmap_planner
+from hpop.planners.graphs import roadmap as roadmap_planner
 from hpop.planners.spending import Exhausted
 from hpop.problems.verify import verify
 from hpop.runtime.limits import Progress, Status

@@ -15,8 +15,8 @@ from hpop.cli import main
 from hpop.errors import OptionError, QueryError, UnsupportedModel
 from hpop.goals import Anywhere
 from hpop.motions import Motions, States
+from hpop.planners.graphs.roadmap import drawn_views, is_free_ending, timeless_problem
 from hpop.planners.graphs.roadmap.configurations import configuration_roadmap
-from hpop.planners.graphs.roadmap.family import drawn_views, is_free_ending, timeless_problem
 from hpop.planners.graphs.roadmap.survey import survey
 from hpop.planners.spending import Spending
 from hpop.problems.verify import verify

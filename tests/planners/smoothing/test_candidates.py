@@ -9,7 +9,7 @@ import shapely
 from hpop.criteria import Turns
 from hpop.criteria.costs import trajectory_costs
 from hpop.models import DifferentialDrive
-from hpop.planners.programs.smoothing.planner import Smoothing
+from hpop.planners.programs.smoothing import Smoothing
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.verify import verify

@@ -20,13 +20,13 @@ from hpop.models.driven import Drive, states_after
 from hpop.motions import States
 from hpop.planners import judgement
 from hpop.planners.programs.polyline import Polyline
+from hpop.planners.programs.smoothing import Smoothing
 from hpop.planners.programs.smoothing import job as smoothing_job
 from hpop.planners.programs.smoothing import phases as driven_guess
 from hpop.planners.programs.smoothing import program as driven_program
 from hpop.planners.programs.smoothing.interval import Forward
 from hpop.planners.programs.smoothing.job import SmoothingJob
 from hpop.planners.programs.smoothing.phases import FLAT, Phases
-from hpop.planners.programs.smoothing.planner import Smoothing
 from hpop.planners.programs.smoothing.program import DrivenProgram
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import Status

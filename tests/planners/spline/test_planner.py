@@ -14,7 +14,7 @@ from hpop.errors import OptionError, UnsupportedCriterion, UnsupportedModel
 from hpop.models.serial_arm import SerialArm
 from hpop.motions import States
 from hpop.planners.base import make_planner
-from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs import Deadline
 from hpop.planners.programs.spline.job import FRACTIONS, SplineJob
 from hpop.planners.programs.spline.knots import Knots, PieceCosts
 from hpop.planners.programs.spline.step import Aim, StepPrograms

@@ -4,7 +4,7 @@ import pytest
 
 from hpop.errors import OptionError, QueryError
 from hpop.planners.graph_planners import Lattice, Roadmap, WeightedSum
-from hpop.planners.graphs.lattice import family as planner
+from hpop.planners.graphs import lattice as planner
 from hpop.problems.problem import Problem
 from hpop.runtime.limits import Status
 from hpop.world import Person

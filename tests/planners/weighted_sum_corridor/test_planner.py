@@ -279,7 +279,7 @@ def test_a_solver_that_cannot_is_replaced_and_that_is_said():
 
 
 def test_what_no_solver_solves_is_counted(monkeypatch):
-    monkeypatch.setattr("hpop.planners.programs.corridor.planner.solvers_from", lambda first: ("OSQP",))
+    monkeypatch.setattr("hpop.planners.programs.corridor.solvers_from", lambda first: ("OSQP",))
     found = WeightedSumCorridor(step=STEP, solver="OSQP").solve(OVER)
     assert any("no other solver succeeded" in note for note in found.notes)
     assert any(note.endswith("convex programs were solved by none of the installed solvers") for note in found.notes)

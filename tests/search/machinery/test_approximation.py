@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hpop.errors import OptionError
 from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
-from hpop.search.machinery.approximation import proven_gap
+from hpop.search.machinery import proven_gap
 from hpop.search.machinery.kernels import least_covered
 
 

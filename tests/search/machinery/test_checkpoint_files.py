@@ -16,7 +16,7 @@ import pytest
 import hpop.search.machinery.checkpoint as module
 from hpop.errors import OptionError
 from hpop.runtime.limits import Budget, Progress, Status
-from hpop.search import Graph, choice, pareto_paths
+from hpop.search import Graph, pareto_paths, staircase
 from hpop.search.machinery.checkpoint import SHARE, Checkpoint, CheckpointError, Keeper
 
 
@@ -67,7 +67,7 @@ def test_one_that_takes_the_costs_in_another_order_is_refused(interrupted, monke
     """As of a version that breaks ties otherwise between the paths that are least in one cost."""
     graph, file = interrupted
     before = file.read_bytes()
-    monkeypatch.setattr(choice, "_by_spread", lambda *arguments, usual=choice._by_spread: usual(*arguments)[::-1])
+    monkeypatch.setattr(staircase, "_by_spread", lambda *arguments, usual=staircase._by_spread: usual(*arguments)[::-1])
     with pytest.raises(
         CheckpointError, match=r"does not fit .*the saved search compares the costs in another order.*; remove it"
     ):

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from hpop.search.machinery import approximation
+from hpop.search import machinery
 from hpop.search.machinery.kernels import proven_gap
 
 
@@ -16,7 +16,7 @@ def test_it_is_the_largest_of_the_least_excesses(seed: int) -> None:
     rng = np.random.default_rng(seed)
     k = 1 + seed % 5
     front, estimates = (rng.integers(0, (4, 1000)[seed % 2], (int(n), k)) for n in rng.integers(1, 60, 2))
-    expected = approximation.proven_gap(front, estimates)
+    expected = machinery.proven_gap(front, estimates)
     assert proven_gap(front, estimates, math.inf) == expected
     assert (proven_gap(front, estimates, 0.1) >= 0.1) == (expected >= 0.1)
 

@@ -8,7 +8,7 @@ from hpop.runtime.limits import Budget
 from hpop.search import Graph, capped_mean_paths
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import N_OPEN, Clock
-from hpop.search.mean.limits import MeanLimits
+from hpop.search.mean import MeanLimits
 from hpop.search.mean.search import CappedMean
 
 ARCS = 1025  # one more than a heap has room for at first

@@ -9,9 +9,9 @@ import pytest
 
 from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, Prepared, pareto_paths
+from hpop.search import prepared as prepared_graph
 from hpop.search.machinery.bounds import UNREACHABLE
 from hpop.search.machinery.slices import DeadlineClock
-from hpop.search.prepared import prepared as prepared_graph
 from hpop.search.staircase.turn_hull import STEP_BITS
 from tests.search.prepared.test_prepared import an_event, any_graph
 

@@ -13,9 +13,9 @@ from hpop.base.arrays import BoolArray, IntArray
 from hpop.errors import GraphError, QueryError
 from hpop.runtime.limits import Budget, Progress, Status
 from hpop.search import Graph, ParetoPaths, Prepared, pareto_paths
+from hpop.search import prepared as prepared_graph
 from hpop.search.machinery.bounds import UNREACHABLE, lower_bounds
 from hpop.search.machinery.slices import Clock
-from hpop.search.prepared import prepared as prepared_graph
 
 EVENTS = 10  # of one drive: closings and openings, each followed by a question
 

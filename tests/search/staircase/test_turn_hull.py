@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from hpop.runtime.limits import Budget, Status
 from hpop.search import Graph, ParetoPaths, pareto_paths
-from hpop.search.machinery import slices
-from hpop.search.machinery.approximation import Precision, thin_front
+from hpop.search.machinery import Precision, slices, thin_front
 from hpop.search.machinery.bounds import lower_bounds
 from hpop.search.machinery.slices import Clock
 from hpop.search.machinery.turns import Groups

@@ -17,8 +17,8 @@ from hpop.errors import GraphError, OptionError
 from hpop.runtime.limits import Budget, Progress, Status
 from hpop.runtime.sweep import _load_mapped
 from hpop.search import Graph, SupportedPaths, pareto_paths, supported_paths
+from hpop.search.supported import integer_weights, simplex_lattice
 from hpop.search.supported.weighted_path import encoded, weighted_path
-from hpop.search.supported.weights import integer_weights, simplex_lattice
 
 DRAWS = ((0, 9), (1, 9), (2, 3), (2, 4), (3, 2), (7, 3))  # seed, largest cost: small ones put points inside faces
 

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hpop.search.supported.weights import WeightCone
+from hpop.search.supported import WeightCone
 
 Points = list[tuple[int, ...]]
 clouds = st.integers(1, 4).flatmap(lambda k: st.lists(st.tuples(*[st.integers(0, 5)] * k), min_size=1, max_size=9))

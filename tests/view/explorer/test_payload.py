@@ -11,7 +11,7 @@ import shapely
 
 import hpop
 from hpop.motions import States
-from hpop.view.explorer.payload import payload
+from hpop.view.explorer import payload
 from hpop.view.single_page import single_page
 from hpop.world.content.content import Landmark, Person, Zone
 from tests.view.explorer.decoder import Page
@@ -200,7 +200,7 @@ def test_cells_are_drawn_as_the_areas_that_they_fill(make_front):
 
 
 def test_cells_too_ragged_to_be_outlined_are_taken_together_and_a_note_says_so(make_front, monkeypatch):
-    from hpop.view.explorer import payload as drawn
+    from hpop.view import explorer as drawn
 
     monkeypatch.setattr(drawn, "MOST_CORNERS", 300)
     cells = np.random.default_rng(3).random((40, 60)) < 0.2

@@ -1,6 +1,6 @@
 // The page's data, `hpop-page` version 1, and their decoding to typed arrays in metres and seconds.
 //
-// hpop/view/explorer/payload.py writes them. Long columns of numbers are in `data`: one zlib stream in base64, of
+// hpop/view/explorer/__init__.py writes them. Long columns of numbers are in `data`: one zlib stream in base64, of
 // which a `Packed` names a part. A part holds the lowest bytes of all its numbers, then the next ones, and so on
 // (little-endian); `order` says how many times the numbers are to be summed up.
 

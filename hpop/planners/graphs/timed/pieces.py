@@ -15,7 +15,7 @@ import shapely
 from scipy.special import ndtri
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.motions import HOLD
 from hpop.planners.graphs.timed.clock import TickClock
 from hpop.planners.graphs.timed.legs import LegMotions

@@ -31,7 +31,7 @@ from scipy.spatial import KDTree
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
-from hpop.models.collision.parts import Part
+from hpop.models.collision import Part
 from hpop.models.execution import Ramps
 from hpop.planners.graphs.timed.clock import SLACK, BlockedArcs, TickClock, TimeOptions
 from hpop.planners.graphs.timed.legs import LegMotions

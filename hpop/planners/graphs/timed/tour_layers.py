@@ -1,7 +1,7 @@
 """Graph of a tour for a search in time steps: one copy (layer) of the graph on its clock for each set of decided stops.
 
 All layers share the tables of the graph: an arc of any layer refers to a row of its original, and a node to its place
-(:class:`hpop.search.timed.graph.TimedGraph`). Further arcs lead to later layers (:mod:`hpop.planners.graphs.tour`):
+(:class:`hpop.search.timed.TimedGraph`). Further arcs lead to later layers (:mod:`hpop.planners.graphs.tour`):
 
 - A visit with a dwell time stands at its place, with the costs of any hold, while no person comes too near. It lasts
   for the dwell time, and for the time in which the robot stops before it and starts after it

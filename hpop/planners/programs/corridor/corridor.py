@@ -26,7 +26,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.models.collision.planar import TOUCH
 from hpop.planners.needs import in_plane, reaches
-from hpop.planners.programs.outcome import Deadline
+from hpop.planners.programs import Deadline
 from hpop.planners.programs.polyline import Polyline
 from hpop.trajectories.trajectory import STRAIGHT
 from hpop.world import World

@@ -48,7 +48,7 @@ FLAT = 1e-5  # share by which the weighted cost may rise when a small turn or se
 class VariablePath:
     """Polyline whose vertices are variables of a convex program, as criteria need it for their convex form.
 
-    The interface is :class:`hpop.criteria.convex.ConvexPath`.
+    The interface is :class:`hpop.criteria.base.ConvexPath`.
 
     vertices  cvxpy expression (n+1, 2), m
     """

@@ -15,9 +15,9 @@ import numpy as np
 
 from hpop.base.arrays import FloatArray
 from hpop.criteria.base import Criterion
+from hpop.planners.programs import Deadline
 from hpop.planners.programs.corridor.corridor import Corridor
 from hpop.planners.programs.corridor.program import CorridorProgram
-from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.polyline import Polyline
 from hpop.runtime.limits import LimitPassed
 from hpop.world import World

@@ -17,10 +17,10 @@ import numpy as np
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.criteria.costs import motion_costs, trajectory_costs
 from hpop.planners.judgement import accepted, are_free, exceeds, is_free, judge, on_map
+from hpop.planners.programs import CUT_SHORT, ONE_PROGRAM, Deadline, Outcome
 from hpop.planners.programs.epsilon_constraint.descent import Descent, PolylineMotions
 from hpop.planners.programs.epsilon_constraint.grid import LOOSE, Cell, CellCandidate, FreePolyline, Roles
 from hpop.planners.programs.epsilon_constraint.program import REGION, PolylineProgram, Solution
-from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, Deadline, Outcome
 from hpop.planners.programs.polyline import PIECE, Polyline, PolylineStructure
 from hpop.runtime.limits import LimitPassed, within
 

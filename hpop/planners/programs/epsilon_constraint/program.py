@@ -23,9 +23,9 @@ from hpop.criteria.costs import motion_costs
 from hpop.errors import OptionError, UnsupportedCriterion
 from hpop.motions.symbolic import lift
 from hpop.planners.needs import in_plane, one_goal, reaches
+from hpop.planners.programs import BUILDING, SOLVING, Deadline
 from hpop.planners.programs.epsilon_constraint.descent import PolylineMotions, sparse
 from hpop.planners.programs.nlp import SparseWorld, below_hinge, ipopt, moments, on_symbols, vector
-from hpop.planners.programs.outcome import BUILDING, SOLVING, Deadline
 from hpop.planners.programs.polyline import Polyline, PolylineStructure
 from hpop.runtime.interrupts import interrupts_held
 from hpop.runtime.limits import check

@@ -19,7 +19,7 @@ from hpop.criteria.costs import trajectory_costs
 from hpop.models.driven import driven
 from hpop.planners.judgement import judge
 from hpop.planners.needs import on_wheels
-from hpop.planners.programs.outcome import CUT_SHORT, ONE_PROGRAM, SOLVING, Deadline, ImprovedTrajectory, Outcome
+from hpop.planners.programs import CUT_SHORT, ONE_PROGRAM, SOLVING, Deadline, ImprovedTrajectory, Outcome
 from hpop.planners.programs.polyline import Polyline, homotopic, path_points
 from hpop.planners.programs.smoothing.phases import (
     CostTargets,

@@ -23,8 +23,8 @@ from hpop.criteria.comfort.rotation import LEAST_TURN
 from hpop.models.driven import Drive
 from hpop.motions import States
 from hpop.planners.needs import in_plane, on_wheels, reaches
+from hpop.planners.programs import Deadline
 from hpop.planners.programs.nlp import ipopt
-from hpop.planners.programs.outcome import Deadline
 from hpop.planners.programs.smoothing.interval import NODES, Bounds, Interval, made_feasible
 from hpop.planners.programs.smoothing.phases import (
     OPTIONS,

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hpop.base.arrays import FloatArray, IntArray
-from hpop.planners.programs.outcome import BUILDING, Deadline
+from hpop.planners.programs import BUILDING, Deadline
 from hpop.runtime.limits import check
 from hpop.world.fields.symbols import Looks, Quadratics, looking
 

@@ -19,7 +19,7 @@ from hpop.criteria.base import Criterion
 from hpop.criteria.costs import trajectory_costs
 from hpop.goals.approach import split
 from hpop.motions import JointCollision, States
-from hpop.planners.programs.outcome import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome
+from hpop.planners.programs import ONE_PROGRAM, Deadline, ImprovedTrajectory, Outcome
 from hpop.planners.programs.spline.knots import LAW, Knots, PieceCosts, SplineLaw
 from hpop.planners.programs.spline.step import Aim, Step, StepProgram, StepPrograms
 from hpop.runtime.limits import one_numpy_thread

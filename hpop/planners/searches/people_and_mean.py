@@ -32,7 +32,7 @@ from hpop.runtime.limits import Status
 from hpop.search import Graph, capped_mean_paths, pareto_paths
 
 if TYPE_CHECKING:
-    from hpop.planners.searches.exact import ExactSearch
+    from hpop.planners.searches import ExactSearch
     from hpop.problems.problem import Problem
 
 
