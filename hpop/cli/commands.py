@@ -118,7 +118,8 @@ def plan(
 ) -> None:
     """Plan a scenario: compute its front and draw pictures.
 
-    Reads the SCENARIO (a YAML file), writes front.json and pictures to a folder, and prints the front.
+    Reads the SCENARIO (a YAML file), writes front.json and pictures to the folder --out, and prints the front. No
+    option is required.
     """
     if workers is not None and dask is not None:
         raise click.UsageError("give --workers or --dask, not both")

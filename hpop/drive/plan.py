@@ -31,7 +31,7 @@ AROUND = 10.0  # s of a plan, before and after the expected time, that are compa
 
 
 def part(trajectory: Trajectory, begin: int, end: int) -> Trajectory:
-    """Return the motions of a trajectory between two of its states, by index."""
+    """Return, as a trajectory, the motions between the states with the indices 0 <= begin <= end <= len(trajectory)."""
     kinds = trajectory.kinds[begin:end]
     names = (*trajectory.model.space.names, *extras(trajectory.model, kinds))
     states = trajectory.states.take(slice(begin, end + 1))
@@ -73,7 +73,7 @@ def motion_ends(trajectory: Trajectory, t: float) -> float:
 
 
 def speed_of(states: States) -> FloatArray:
-    """Return the speed (N,), m/s, at states of a plan for a model with several speeds; 0 for other models."""
+    """Return the speed (N,), m/s, at states of a plan; N zeros if its model does not have several speeds."""
     speeds: FloatArray = getattr(states, SPEED, np.zeros(states.size))
     return speeds
 

@@ -154,7 +154,10 @@ class _Path:
 
     @cached_property
     def is_too_fast(self) -> bool:
-        """True if the executed trajectory exceeds limits of speed zones or of the steering rate."""
+        """True if ``run``, the executed trajectory, is somewhere faster than a speed zone or the steering rate allows.
+
+        Excesses of less than one millionth, which come from rounding, do not count.
+        """
         return not all((one.pace <= one.most * (1.0 + EXACT)).all() for one in self.stretches)
 
     def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:

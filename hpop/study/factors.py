@@ -28,6 +28,12 @@ NUMBERS = {
     "restrictor": (20.0, 170.0, "degrees of view while it turns"),
 }
 FACTORS = (*NUMBERS, "setting")
+EXAMPLES = {
+    "cue": "['none', 2] (not announced, and 2 s ahead)",
+    "latency": "[0, 0.5] (s)",
+    "restrictor": "['none', 80] (full view, and 80 degrees)",
+    "setting": "['simulation', 'live']",
+}
 
 
 def crossed(factors: Mapping[str, Sequence[Level]]) -> list[Levels]:
@@ -42,7 +48,7 @@ def crossed(factors: Mapping[str, Sequence[Level]]) -> list[Levels]:
     for name, levels in factors.items():
         one_of("each factor", name, FACTORS, error=StudyError)
         if isinstance(levels, str) or not isinstance(levels, Sequence) or not levels:
-            raise StudyError(f"factor {name} must have a list of levels, such as [null, 2], got {shown(levels)}")
+            raise StudyError(f"factor {name} must have a list of levels, such as {EXAMPLES[name]}, got {shown(levels)}")
         known[name] = [checked_level(name, level) for level in levels]
         if len(set(known[name])) < len(known[name]):
             raise StudyError(f"factor {name} must have each level once, got {shown(list(levels))}")

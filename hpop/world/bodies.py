@@ -223,7 +223,8 @@ class LinkRules:
     padding   m, by link: distance that a link keeps from obstacles, in addition to the usual distance
     scale     by link: factor by which a link is enlarged before it is tested with obstacles
     pairs     by two names, of links or of obstacles, in alphabetical order: whether the two may touch
-    others    by name of a link or an obstacle: whether it may touch any body that ``pairs`` does not name with it
+    others    by name of a link or an obstacle: whether it may touch other bodies. Read for two bodies without an entry
+              in ``pairs``: all entries that the two have must allow it, and at least one must exist
     attached  objects that links carry, as the option ``attached`` of an arm lists them
     frames    by name of an obstacle: frame in which it is given, such as a link, until a robot places it in the world
     joints    rad or m, by joint of the robot: its state when the scene was saved; read only if a frame may need it

@@ -122,7 +122,7 @@ class SocialForce:
         set_reals(self, *constants, least=0, most=MOST, kind="a number", error=CriterionError)
 
     def cost(self, m: Motions) -> Column:
-        """Return the time integral (M,) of the force per unit of mass, m/s."""
+        """Return the time integral (M,), m/s, of the expected social force on all people, per unit of mass."""
         people = m.world.content.people
         return m.integrate(
             lambda s: expected(people, self._force, s.base.x, s.base.y, *base_velocity(m, s), clock(s, people))

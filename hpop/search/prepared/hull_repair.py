@@ -311,13 +311,14 @@ def improve_by_moves(
 ) -> bool:
     """Lower the weighted remaining costs `now` (n, LANES) of marked nodes by paths that begin with a plain arc.
 
-    Returns whether any value improved.
+    A plain arc is no turn; the path continues from its head with the value of that node. A column of `now` (a lane)
+    belongs to one weight vector. Returns whether any value improved.
 
     steps, marks, rests  as in :func:`improve_by_turns`
-    arcs           (a,)  arcs from marked nodes; those in `closed` (m,) are skipped
-    moved          (m,)  output: bits of the lanes that each arc improved are added
-    came, turned   (n,)  nodes that a plain arc or a turn improved; arcs to other nodes are skipped; `turned` is 0
-                         afterwards, and the improved nodes are added to `came`
+    arcs    (a,)  plain arcs from marked nodes; skipped if in `closed` (m,), or with a head not in `came` or `turned`
+    moved   (m,)  for each arc, bits of lanes; those that it improved are added
+    came    (n,)  nodes that plain arcs improved; old entries stay, and nodes that this call improves are added
+    turned  (n,)  nodes that turns improved; 0 after the call
     """
     weights = tables.weights
     better = np.uint8(0)

@@ -190,7 +190,9 @@ def _features(pairs: IntArray, stimuli: int, tied: bool, side: bool) -> FloatArr
 def _maximum_likelihood(features: FloatArray, outcome: IntArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the maximum likelihood parameters (p,), probabilities of the outcomes (m, o), and information (p, p).
 
-    The log-likelihood is concave, so Newton's method with step halving converges to its maximum.
+    The log-likelihood is concave, so Newton's method with step halving converges to its maximum, if it is finite. Check
+    this before the call (:func:`_check`, :func:`_check_bounded`). The information is the negative second derivative at
+    the maximum; the observed and the expected one are equal here. StudyError if MOST_STEPS steps do not suffice.
 
     features  (m, o, p)  as returned by :func:`_features`, for m choices
     outcome   (m,)       index of the outcome of each choice

@@ -75,11 +75,12 @@ def render_360(problem: Problem, trajectory: Trajectory, t: float, *, width: int
 
     The camera follows the executed trajectory (:meth:`Trajectory.execution`); people are at their predicted positions.
 
-    The projection is equirectangular. The middle of the picture, between columns width/2 - 1 and width/2, is ahead, its
-    left part to the left, and its upper edge overhead. The same arguments give the same bytes.
+    The projection is equirectangular, in the frame of the camera: the middle of the picture, between columns
+    width/2 - 1 and width/2, is where the camera points, its left part is to the left, and its upper edge is overhead.
+    If the camera is tilted or rolled, this frame is too: the horizon of the world is then no level line.
 
     Obstacles are drawn as upright prisms, 3 m high if unlimited; the ``notes`` of
-    :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. For a tilted or rolled camera the picture is rotated.
+    :class:`hpop.view.ride.scene.ViewScene` list inexact shapes. The same arguments give the same bytes.
 
     Parameters
     ----------

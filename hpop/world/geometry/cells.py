@@ -30,9 +30,10 @@ FINEST = 1e-3
 
 
 def voxels_of(points: FloatArray, resolution: float) -> IntArray:
-    """Return the cells (n, 3) that contain points (N, 3), m, each once.
+    """Return the cells (n, 3) that contain points (N, 3), m, each once, in ascending order.
 
-    Cell (i, j, k) reaches from (i, j, k) times the resolution, m, to (i + 1, j + 1, k + 1) times the resolution.
+    Cell (i, j, k) reaches from (i, j, k) times the resolution, m, to (i + 1, j + 1, k + 1) times the resolution. A
+    point on the border between cells is in the one with the larger index. MapError for points that are too far away.
     """
     if points.size and not np.abs(points).max() <= FARTHEST:
         raise MapError(

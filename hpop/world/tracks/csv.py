@@ -96,8 +96,16 @@ def titled(titles: Sequence[str], source: TrackFile) -> Columns:
     for what, known, given in (("positions", UNITS, units["x"]), ("times", SECONDS, units["t"])):
         if what == "times" and "frame" in places:
             continue  # a frame has no unit
-        if len(given) > 1 or given - set(known):
-            raise source.error(f"has {what} in {', '.join(sorted(given))}; expected one unit of {', '.join(known)}.")
+        if unknown := sorted(given - set(known)):
+            raise source.error(
+                f"has {what} in an unknown unit: {', '.join(unknown)}; convert them to one of {', '.join(known)}, and "
+                "change the titles of the columns."
+            )
+        if len(given) > 1:
+            raise source.error(
+                f"has {what} in several units: {', '.join(sorted(given))}; convert all to one of these, and change the "
+                "titles of the columns."
+            )
     unread = tuple(
         title.strip()
         for place, title in enumerate(titles)

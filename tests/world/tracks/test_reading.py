@@ -293,7 +293,7 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
             {},
             "no person with rows at two times that can be joined to a track; it has 2 ids",
         ),
-        ("id,time/h,x,y\n1,0,0,0\n", {}, "has times in h; expected one unit of s, "),
+        ("id,time/h,x,y\n1,0,0,0\n", {}, "has times in an unknown unit: h; convert them to one of s, "),
         ("id,date,x,y\n1,2023-11-14,0,0\n", {}, "lacks a column for t or frame"),
         ("id,time,x,y\n1,2023-11-14 12:00:00,0,0\n1,soon,0,0\n", {}, "has 'soon' in the column t of line 3; .* date"),
         (
@@ -332,7 +332,12 @@ def test_some_of_a_file_may_be_asked_for(tmp_path):
         ("id,t,x\n1,0,0\n", {}, "lacks a column for y"),
         ("id,when,x,y\n1,0,0,0\n", {}, "lacks a column for t or frame"),
         ("id,t,x,x,y\n1,0,0,0,0\n", {}, "has two columns for x"),
-        ("id,t,x/ft,y/ft\n1,0,0,0\n", {}, "has positions in ft; expected one unit of m, cm, mm"),
+        (
+            "id,t,x/ft,y/ft\n1,0,0,0\n",
+            {},
+            "has positions in an unknown unit: ft; convert them to one of m, cm, mm, and change the titles",
+        ),
+        ("id,t,x/m,y/cm\n1,0,0,0\n", {}, "has positions in several units: cm, m; convert all to one of these"),
         ("id,t,x,y\n1,0,0\n", {}, "a row with too few columns in line 2: .*; expected at least 4"),
         ("id,t,x,y\n1,soon,0,0\n", {}, "has 'soon' in the column t of line 2"),
         ("# recorded\n\nid,t,x,y\n1,0,0,0\n# a break\n1,1,0,0\n1,2,0,far\n", {}, "has 'far' in the column y of line 7"),

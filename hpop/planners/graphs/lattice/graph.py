@@ -210,7 +210,10 @@ class StateLattice(StateGraph):
         return clear
 
     def _rows(self) -> Iterator[slice]:
-        """Divide the rows of the grid into consecutive ranges with a limited number of positions."""
+        """Yield slices of consecutive rows that together cover the grid; each is the work of one thread at a time.
+
+        Each has at most BLOCK positions (:func:`hpop.planners.graphs.arcs.blocks`), or is a single row.
+        """
         return blocks(self.shape[0], max(1, self.shape[1]))
 
     @property
