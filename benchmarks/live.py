@@ -1,19 +1,23 @@
 """Benchmark of `hpop live`: seconds from a click to the cards, and milliseconds from a push to its answer.
 
-    python benchmarks/live.py [--map NAME ...] [--clicks 40] [--pushes 300] [--crowd N] [--step 0.25] [--out FILE]
+    python benchmarks/live.py [--map NAME ...] [--clicks 40] [--pushes 1000] [--sessions 4] [--crowd N] [--out FILE]
 
 `hpop live` runs in a process of its own, and its planner in another; a page is connected through the websocket. Clicks
 are at random places; those that the robot cannot reach are drawn again. The first click is left out, and so is reading
 the map. The robot drives to each place, and is pushed at random times to the left or the right. A push that comes while
 the planner is busy may wait for it; this is included. After a box was closed, one more click is timed. Processor times
 are those of the planner's process from the moment at which a request comes, with all that it waits for there. They are
-what the times would be on a machine that does nothing else.
+what the times would be on a machine that does nothing else. Thread times are those of the thread that answers. The
+sessions, one after the other, have the seeds 0, 1, ... After the last push of each, brute force compares all ways among
+which each push chose (checked_pushes.py), and the gap between robot and people is the least of the states that the page
+was told, 20 a second.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import platform
 import subprocess
@@ -28,18 +32,27 @@ import maps
 import numpy as np
 from websockets.sync.client import connect
 
+from hpop.models.execution import clearance_radius
+from hpop.problems.problem import Problem
 from hpop.scenario import load_scenario
+from hpop.world import Person
 
 WAIT = 60.0
+PUSHES = 12  # while the robot drives to one place
+PAUSE = (0.1, 0.6)  # s between two pushes
+CHECKED = 300.0  # s, to check the pushes of one session
+SHARES = (50, 90, 95, 99)
+RADIUS = Person.radius
 
 
 class Page:
     """A page at the websocket of a session."""
 
-    def __init__(self, socket: Any) -> None:
+    def __init__(self, socket: Any, reach: float) -> None:
         self.socket = socket
         self.state: dict[str, Any] = {}
         self.processor = list[float]()  # ms, of clicks
+        self.gap, self.reach = math.inf, reach  # m
         self._gone = Event()
         self.say("hello", role="drive")
         Thread(target=self._live, daemon=True).start()
@@ -62,6 +75,9 @@ class Page:
                 break
             if message["type"] == "state":
                 self.state = message
+                places = [(each[0], each[1]) for each in message["people"]]
+                apart = [math.dist(place, (message["x"], message["y"])) for place in places]
+                self.gap = min([self.gap, *(distance - self.reach - RADIUS for distance in apart)])
             if message["type"] in kinds:
                 return message
         return {}
@@ -85,57 +101,88 @@ class Page:
         self._gone.set()
 
 
-def measure(address: str, bounds: tuple[float, ...], clicks: int, pushes: int) -> dict[str, Any]:
-    """Click and push until there are enough of both."""
-    random = np.random.default_rng(0)
-    seconds, changed, answered, spent, followed = list[float](), list[float](), list[float](), list[float](), 0
+class Times:
+    """Times of all sessions on a map: s of clicks, ms of pushes."""
+
+    def __init__(self) -> None:
+        self.seconds, self.changed, self.processor = list[float](), list[float](), list[float]()
+        self.answered, self.spent, self.thread = list[float](), list[float](), list[float]()
+        self.followed = self.blocked = 0
+        self.gaps = list[float]()
+        self.checked = {"pushes": 0, "ways": 0, "wrong": 0}
+
+    def summary(self) -> dict[str, Any]:
+        """Return the figures of the benchmark."""
+        return {
+            "clicks": len(self.seconds),
+            "click_s": quantiles(self.seconds, 3),
+            "click_processor_s": round(float(np.percentile(self.processor, 95)) / 1000.0, 3),
+            "clicks_after_update": len(self.changed),
+            "click_after_update_s": round(max(self.changed), 3) if self.changed else None,
+            "pushes": len(self.answered),
+            "push_ms": quantiles(self.answered, 1),
+            "push_processor_ms": quantiles(self.spent, 1),
+            "push_thread_ms": quantiles(self.thread, 1),
+            "pushes_within_100_ms": round(float((np.array(self.answered) <= 100.0).mean()), 4),
+            "pushes_within_100_ms_of_thread": round(float((np.array(self.thread) <= 100.0).mean()), 4),
+            "pushes_followed": round(self.followed / max(len(self.answered), 1), 3),
+            "pushes_without_an_open_way": self.blocked,
+            "pushes_by_brute_force": self.checked,
+            "contacts": sum(gap <= 0.0 for gap in self.gaps),
+            "least_gap_m": None if math.inf in self.gaps else round(min(self.gaps), 3),
+        }
+
+
+def quantiles(times: list[float], digits: int) -> dict[int, float]:
+    """Return the times that some shares of all, in percent, do not exceed."""
+    return dict(zip(SHARES, np.percentile(times, SHARES).round(digits).tolist(), strict=True))
+
+
+def measure(address: str, problem: Problem, clicks: int, pushes: int, seed: int, times: Times) -> None:
+    """Click and push in one session until there are enough of both."""
+    random, bounds = np.random.default_rng(seed), problem.world.bounds
+    clicked = pushed = 0
     with connect(address.replace("http", "ws", 1) + "socket", max_size=None) as socket:
-        page = Page(socket)
+        page = Page(socket, clearance_radius(problem.model, 0.0))
         while page.until("note")["words"] != "the map is prepared":
             pass
-        while len(seconds) < clicks + 1 or len(answered) < pushes:
+        while clicked < clicks + 1 or pushed < pushes:
             x, y = random.uniform(bounds[:2], bounds[2:])
             took, options = page.click(x, y)
             if not options:
                 continue
-            seconds.append(took)
-            if len(seconds) % 8 == 0:  # a map update, far from the robot
+            clicked += 1
+            if clicked > 1:
+                times.seconds.append(took)
+            if clicked % 8 == 0:  # a map update, far from the robot
                 far = (bounds[0], bounds[1]) if page.state["x"] > (bounds[0] + bounds[2]) / 2 else bounds[2:]
                 corners = [[far[0] + dx, far[1] + dy] for dx, dy in ((-0.2, -0.2), (0.2, -0.2), (0.2, 0.2))]
                 page.say("close", corners=corners, name="box")
                 page.until("closed", "refused")
                 took, again = page.click(x, y)
                 if again:
-                    changed.append(took)
+                    times.changed.append(took)
                 page.say("open", name="box")
                 page.until("closed", "refused")
             page.say("take", option=int(random.integers(len(options["all"]))))
             page.until("taken", "refused")
-            for _ in range(8):
-                if page.until("arrived", seconds=float(random.uniform(0.3, 1.5))) or len(answered) >= pushes:
+            for _ in range(PUSHES):
+                if page.until("arrived", seconds=float(random.uniform(*PAUSE))) or pushed >= pushes:
                     break
                 began = time.perf_counter()
                 page.say("push", direction=float(random.choice([-1, 1]) * random.uniform(0.2, 1.6)))
-                pushed = page.until("pushed", "arrived")
-                if pushed.get("type") == "pushed" and pushed["option"] is not None:
-                    answered.append(1000.0 * (time.perf_counter() - began))
-                    spent.append(pushed["processor"])
-                    followed += pushed["followed"]
+                answer = page.until("pushed", "arrived")
+                if answer.get("type") != "pushed" or "choose a destination first" in answer["words"]:
+                    break
+                times.answered.append(1000.0 * (time.perf_counter() - began))
+                times.spent.append(answer["processor"])
+                times.thread.append(answer["thread"])
+                times.followed += answer["followed"]
+                times.blocked += answer["option"] is None
+                pushed += 1
         page.end()
-    shares = [50, 90, 95, 99]
-    return {
-        "clicks": len(seconds) - 1,
-        "click_s": dict(zip(shares, np.percentile(seconds[1:], shares).round(3).tolist(), strict=True)),
-        "click_processor_s": np.percentile(page.processor[1:], 95).round(0) / 1000.0,
-        "clicks_after_update": len(changed),
-        "click_after_update_s": round(max(changed), 3) if changed else None,
-        "pushes": len(answered),
-        "push_ms": dict(zip(shares, np.percentile(answered, shares).round(1).tolist(), strict=True)),
-        "push_processor_ms": dict(zip(shares, np.percentile(spent, shares).round(1).tolist(), strict=True)),
-        "pushes_within_100_ms": round(float((np.array(answered) <= 100.0).mean()), 4),
-        "pushes_within_100_ms_of_processor": round(float((np.array(spent) <= 100.0).mean()), 4),
-        "pushes_followed": round(followed / max(len(answered), 1), 3),
-    }
+    times.processor += page.processor[1:]
+    times.gaps.append(page.gap)
 
 
 def machine() -> str:
@@ -146,12 +193,39 @@ def machine() -> str:
     return f"{[*names, platform.machine()][0]}, {os.cpu_count()} cores"
 
 
+def session(name: str, step: float, crowd: int, clicks: int, pushes: int, seed: int, times: Times) -> None:
+    """Serve one session on a map, measure it, and check its pushes by brute force."""
+    examples = maps.ROOT / "examples"
+    text = (examples / f"{name}.yaml").read_text().replace("../../shared/data", str(maps.DATA))
+    text = text.replace("museum.geojson", str(examples / "museum.geojson"))
+    with tempfile.TemporaryDirectory() as folder:
+        file, asked = Path(folder) / f"{name}.yaml", Path(folder) / "checked"
+        file.write_text(text.replace("step: 0.25", f"step: {step:g}"))
+        command = [sys.executable, "-P", "-m", "hpop", "live", file.name, "--port", "0", "--out", "out"]
+        command += ["--crowd", str(crowd), "--import", str(Path(__file__).with_name("checked_pushes.py"))]
+        variables = {**os.environ, "CHECKED_PUSHES": str(asked)}
+        with subprocess.Popen(command, cwd=folder, env=variables, stdout=subprocess.PIPE, text=True) as server:
+            try:
+                assert server.stdout is not None
+                address = server.stdout.readline().strip().removeprefix("drive: ")
+                measure(address, load_scenario(file).problem, clicks, pushes, seed, times)
+                asked.touch()
+                result, last = asked.with_suffix(".json"), time.monotonic() + CHECKED
+                while not result.exists() and time.monotonic() < last:
+                    time.sleep(0.2)
+                for what, count in json.loads(result.read_text()).items():
+                    times.checked[what] += count
+            finally:
+                server.terminate()
+
+
 def main() -> None:
     """Measure each map, and print or write the figures."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--map", nargs="*", default=["pal_office", "nav2_depot"])
     parser.add_argument("--clicks", type=int, default=40)
-    parser.add_argument("--pushes", type=int, default=300)
+    parser.add_argument("--pushes", type=int, default=1000)
+    parser.add_argument("--sessions", type=int, default=4)
     parser.add_argument("--crowd", type=int, default=0, help="people who walk about")
     parser.add_argument("--step", type=float, default=0.25)
     parser.add_argument("--out", type=Path)
@@ -161,23 +235,11 @@ def main() -> None:
         if name in maps.FOLDERS and (lacks := maps.missing(name)):
             print(f"{name}: {lacks}")
             continue
-        examples = maps.ROOT / "examples"
-        text = (examples / f"{name}.yaml").read_text().replace("../../shared/data", str(maps.DATA))
-        text = text.replace("museum.geojson", str(examples / "museum.geojson"))
-        with tempfile.TemporaryDirectory() as folder:
-            file = Path(folder) / f"{name}.yaml"
-            file.write_text(text.replace("step: 0.25", f"step: {asked.step:g}"))
-            command = [sys.executable, "-P", "-m", "hpop", "live", file.name, "--port", "0", "--out", "out"]
-            command += ["--crowd", str(asked.crowd)]
-            with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as server:
-                try:
-                    assert server.stdout is not None
-                    address = server.stdout.readline().strip().removeprefix("drive: ")
-                    bounds = load_scenario(file).problem.world.bounds
-                    load = os.getloadavg()[0]
-                    found[name] = {"load": round(load, 1), **measure(address, bounds, asked.clicks, asked.pushes)}
-                finally:
-                    server.terminate()
+        load, times = os.getloadavg()[0], Times()
+        for seed in range(asked.sessions):
+            clicks, pushes = -(-asked.clicks // asked.sessions), -(-asked.pushes // asked.sessions)
+            session(name, asked.step, asked.crowd, clicks, pushes, seed, times)
+        found[name] = {"load": [round(load, 1), round(os.getloadavg()[0], 1)], **times.summary()}
         print(name, json.dumps(found[name]))
     if asked.out is not None:
         asked.out.parent.mkdir(parents=True, exist_ok=True)

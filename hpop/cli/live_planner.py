@@ -1,9 +1,10 @@
 """Process of the planner of a live session: ``python -P -m hpop.cli.live_planner SCENARIO [FILE_OR_MODULE ...]``.
 
 The process reads requests as lines of JSON from its standard input, and writes messages as lines of JSON to its
-standard output. Each message has ``processor``: the processor time of the process, ms, since its request came. A push
-is answered beside another request if the ways of the drive are known, and before other requests if not. The process
-ends with its input, so that it never outlives the server, which starts another one if it crashes.
+standard output. Each message has two times in ms: ``processor`` of the process since the request came, and ``thread``
+of the thread that answers since it began to. A push is answered beside another request if the ways of the drive are
+known, and before other requests if not. The process ends with its input, so that it never outlives the server, which
+starts another one if it crashes.
 """
 
 from __future__ import annotations
@@ -97,10 +98,12 @@ def main(scenario: str, imports: Sequence[str]) -> None:
 
     def tell(request: Mapping[str, Any], messages: Iterator[dict[str, Any]], came: float) -> bool:
         """Write the messages that answer a request, which came at a processor time, s; return whether there are any."""
-        any_told = False
+        any_told, began = False, time.thread_time()
         for message in messages:
             any_told = True
-            say({**message, "id": request["id"], "processor": round(1000.0 * (time.process_time() - came), 1)})
+            times = {"processor": time.process_time() - came, "thread": time.thread_time() - began}
+            milliseconds = {name: round(1000.0 * seconds, 1) for name, seconds in times.items()}
+            say({**message, "id": request["id"], **milliseconds})
         return any_told
 
     def read() -> None:

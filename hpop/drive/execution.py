@@ -18,10 +18,11 @@ from hpop.base.arguments import checked_arguments
 from hpop.base.options import MOST, real, whole
 from hpop.drive import storage
 from hpop.drive.closings import Closing, refuse_covered
+from hpop.drive.known_paths import ReplanResult
 from hpop.drive.moment import DriveProgress, Moment, past
 from hpop.drive.options import Commit, Option, Options, PlanComparison, same_side
 from hpop.drive.plan import SAME, Cut, Plan, closed_trajectories, joined, part
-from hpop.drive.replanning import Replanner, ReplanResult
+from hpop.drive.replanning import Replanner
 from hpop.drive.storage import Change, StopLog, deadline_of, written
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.wishes import NOTICE, PATIENCE, Wish, adapted, front_of_rest, wished
@@ -49,7 +50,8 @@ class Execution(StopLog):
     patience    share by which another plan must be better before the robot changes to it by itself
     notice      s, least time between such a change and the first turn that was not announced
     preference  of the person aboard, by which the robot chooses; it is not saved, but the choices are
-    waits       whether to wait until the graph among moving people is built; else options are known plans until then
+    waits       whether to wait until the graph is built; else another thread builds it, and options are known plans
+                until then
     record      the event log, as JSON; see :meth:`save`
 
     Accepts: fronts of planners on graphs with turns and straight moves (lattice, roadmap of positions), or of other
@@ -83,7 +85,10 @@ class Execution(StopLog):
         surroundings = DriveSurroundings.of(problem, float(self.begin), planner.margin)
         self._progress = DriveProgress(Plan(choice), surroundings, float(self.begin), planner.margin)
         self._latest: Options | None = None
-        (self.ready if waits else self._lay_out)(self.begin)  # ahead of the first query
+        if waits:  # ahead of the first query
+            self.ready(self.begin)
+        elif surroundings.moving:
+            self._lay_out(self.begin)
 
     def __repr__(self) -> str:
         ends = "to the goal" if self._progress.plan.stops is None else "to where the plan is closed"
@@ -95,6 +100,11 @@ class Execution(StopLog):
             self._replanner.graph(self.surroundings)
         elif not (commit := self.commit(now, 0.0)).arrives:
             self._replanner.begin(self.surroundings, commit)
+
+    @property
+    def is_prepared(self) -> bool:
+        """True once the graph for a world without moving people is built."""
+        return self._replanner.is_built(self.surroundings, 0.0)
 
     def ready(self, now: float | None = None) -> None:
         """Wait until the graph is rebuilt after a change of the world, however long this takes.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +16,12 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.criteria.costs import trajectory_costs
 from hpop.criteria.visits import all_visits, missed_weights
 from hpop.drive.closings import Closing
+from hpop.drive.options import Commit
 from hpop.drive.plan import SAME, closed_trajectories, joined, part, speed_of
 from hpop.frontier import is_nondominated
 from hpop.motions import States
 from hpop.planners.base import Candidates
+from hpop.planners.graphs.timed.clock import GOLDEN
 from hpop.planners.graphs.trajectory_graph import NO_MARKER
 from hpop.planners.objectives import Objectives
 from hpop.runtime.limits import Status
@@ -78,10 +82,11 @@ class KnownRoutes:
         return [self.arcs[step : self.ends[step]] for step in steps.tolist()]
 
 
+RECHECK = 0.05  # s of processor time in which known paths are checked again, even if the deadline is shorter
 ROUNDING = 1e-6  # m, rad or m/s: smaller differences between states of a trajectory and of a graph are rounding
 CLAIM = (
     "incomplete: known paths, checked again with the present people and closed areas; points need not be optimal, "
-    "and others, better by an unknown factor, may be missing until the graph on the clock is built: call options again"
+    "and others, better by an unknown factor, may be missing until the graph is built: call options again"
 )
 
 
@@ -126,6 +131,29 @@ def clear_trajectories(
             yield trajectory
 
 
+def clear_remaining(
+    trajectories: Sequence[Trajectory],
+    problem: Problem,
+    commit: Commit,
+    checks: tuple[Sequence[Closing], float, float | None],
+    seconds: float,
+) -> Iterator[Trajectory]:
+    """Yield the trajectories' parts after a commit that are open and clear of people, checked for ``seconds`` s.
+
+    checks  closed areas, margin and latest duration of :func:`clear_trajectories`
+
+    Checking lasts at least `RECHECK` s of processor time. Plans that were not checked in time are left out.
+    """
+    until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
+
+    def enough() -> bool:
+        return time.perf_counter() >= until and time.thread_time() >= least
+
+    spread = sorted(range(len(trajectories)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are similar
+    remaining = remaining_from((trajectories[i] for i in spread), commit.state)
+    yield from clear_trajectories(remaining, problem, commit.before, *checks, enough)
+
+
 def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]) -> Candidates:
     """Return trajectories as candidates of the planner ``name``, without a claim of optimality."""
     criteria = objectives.optimised
@@ -143,6 +171,36 @@ def rechecked(name: str, problem: Problem, objectives: Objectives, trajectories:
         filters=objectives.filters,
         stats={"planner": name, "labels_generated": 0, "gap": None},
     )
+
+
+class ReplanResult(NamedTuple):
+    """Result of a search from the place where a drive may change its plan.
+
+    candidates  the remaining plans found, with their claim of optimality
+    gap     for every missing cost vector, a returned one is at most a factor 1 + gap worse
+    labels  number of partial paths that the search generated
+    answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
+    unreachable  names of the stops of a tour that must still be visited but cannot be reached
+    """
+
+    candidates: Candidates
+    gap: float
+    labels: int
+    answer: dict[str, Any] | None
+    unreachable: tuple[str, ...] = ()
+
+
+def described(trajectories: Sequence[Trajectory]) -> dict[str, Any]:
+    """Return trajectories as a dict for the log of a drive, from which the drive can be repeated."""
+    return {"ways": [trajectory.describe() for trajectory in trajectories]}
+
+
+def known_result(
+    name: str, problem: Problem, objectives: Objectives, trajectories: Sequence[Trajectory]
+) -> ReplanResult:
+    """Return known trajectories as the result of a query, while a graph is being built."""
+    candidates = rechecked(name, problem, objectives, complete(problem, trajectories))
+    return ReplanResult(of_remaining(candidates, problem), math.inf, 0, described(candidates.trajectories))
 
 
 def complete(problem: Problem, trajectories: Sequence[Trajectory]) -> Sequence[Trajectory]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Mapping, Sequence
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -18,17 +18,26 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from hpop.base.arrays import IntArray
 from hpop.criteria.base import make_criterion
 from hpop.drive.drive_graph import DriveGraph
-from hpop.drive.known_paths import KnownRoutes, clear_trajectories, complete, of_remaining, rechecked, remaining_from
+from hpop.drive.known_paths import (
+    RECHECK,
+    KnownRoutes,
+    ReplanResult,
+    clear_remaining,
+    described,
+    known_result,
+    of_remaining,
+    rechecked,
+)
 from hpop.drive.options import Commit
 from hpop.drive.surroundings import DriveSurroundings
 from hpop.drive.timed_drive_graph import LatestOnlyWorker, ScheduledPath, TimedDriveGraph
 from hpop.drive.tour import TourGraphs
-from hpop.drive.ways_out import described, held, led_out
+from hpop.drive.ways_out import held, led_out
 from hpop.errors import DriveError, QueryError
-from hpop.planners.base import Candidates, Planner
+from hpop.planners.base import Planner
 from hpop.planners.graphs.run_speeds import run_speed_graph
 from hpop.planners.graphs.state_graph import StateGraph
-from hpop.planners.graphs.timed.clock import GOLDEN, TimeOptions
+from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.presence import reading_time
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import CORES, Spending
@@ -38,25 +47,6 @@ from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from hpop.problems.problem import Problem
-
-RECHECK = 0.05  # s of processor time in which known paths are checked again, even if the deadline is shorter
-
-
-class ReplanResult(NamedTuple):
-    """Result of a search from the place where a drive may change its plan.
-
-    candidates  the remaining plans found, with their claim of optimality
-    gap     for every missing cost vector, a returned one is at most a factor 1 + gap worse
-    labels  number of partial paths that the search generated
-    answer  if a deadline ended the search, its result as JSON, so that it can be repeated; else None
-    unreachable  names of the stops of a tour that must still be visited but cannot be reached
-    """
-
-    candidates: Candidates
-    gap: float
-    labels: int
-    answer: dict[str, Any] | None
-    unreachable: tuple[str, ...] = ()
 
 
 class _PendingGraph(NamedTuple):
@@ -92,6 +82,7 @@ class Replanner:
         self._last_trajectories: Sequence[Trajectory] = ()  # these paths as trajectories
         self._worker = LatestOnlyWorker()
         self._pending: _PendingGraph | None = None
+        self._building: Future[DriveGraph] | None = None  # the graph without a clock, in another thread
 
     def result(
         self,
@@ -109,8 +100,12 @@ class Replanner:
         deadline  s of processor time of this thread, None for no deadline
         answer    the logged result of the same search, if its deadline ended it
         """
-        search = self._search_on_clock if now.moving else self._search
-        found = search(now, problem, commit, present, deadline, answer)
+        if answer is not None and "ways" in answer:
+            logged = [Trajectory.from_description(problem.model, trajectory) for trajectory in answer["ways"]]
+            found = known_result(self.planner.name, problem, self.objectives, logged)
+        else:
+            search = self._search_on_clock if now.moving else self._search
+            found = search(now, problem, commit, present, deadline, answer)
         is_lost = found.candidates.status is Status.NO_PATH and self._tours is None
         if not is_lost or not now.touched(commit.state, commit.time):
             return found
@@ -131,18 +126,14 @@ class Replanner:
         answer: Mapping[str, Any] | None,
     ) -> ReplanResult:
         """Search on the graph on a clock, among moving people, beginning with known paths."""
-        if answer is not None and "ways" in answer:
-            logged = [Trajectory.from_description(problem.model, trajectory) for trajectory in answer["ways"]]
-            return self._rechecked(problem, logged)
         began = time.perf_counter()
         graph = self.timed_graph(now, commit, None if deadline is None else 0.0)
         if graph is None:
             assert deadline is not None
-            clear = [] if present is None else [present]
-            clear += self._clear(now, problem, commit, 0.5 * deadline)
+            clear = self._clear(now, problem, commit, present, 0.5 * deadline)
             graph = self.timed_graph(now, commit, deadline - RECHECK - (time.perf_counter() - began))
             if graph is None:
-                return self._rechecked(problem, clear)
+                return known_result(self.planner.name, problem, self.objectives, clear)
             deadline = max(0.0, deadline - (time.perf_counter() - began))
         if graph.instead_of is now:
             nothing = replace(rechecked(self.planner.name, problem, self.objectives, []), status=Status.NO_PATH)
@@ -163,28 +154,14 @@ class Replanner:
         lost = graph.alone(commit).unreachable(base_node) if is_lost else ()
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
-    def _clear(self, now: DriveSurroundings, problem: Problem, commit: Commit, seconds: float) -> list[Trajectory]:
-        """Return the known plans' parts after the commit that are open and clear of people, checked for ``seconds`` s.
-
-        Checking lasts at least `RECHECK` s of processor time. Plans that were not checked in time are left out.
-        """
-        until, least = time.perf_counter() + seconds, time.thread_time() + RECHECK
-
-        def enough() -> bool:
-            return time.perf_counter() >= until and time.thread_time() >= least
-
+    def _clear(
+        self, now: DriveSurroundings, problem: Problem, commit: Commit, present: Trajectory | None, seconds: float
+    ) -> list[Trajectory]:
+        """Return the known plans' parts after the commit that are clear (:func:`clear_remaining`)."""
         options: TimeOptions = self.planner.time_options
         latest = None if options.arrive_by is None else options.arrive_by - (commit.time - self._began)
-        known = (*self._last_trajectories, *self._trajectories)
-        spread = sorted(range(len(known)), key=lambda i: i * GOLDEN % 1.0)  # neighbours in a front are similar
-        remaining = remaining_from((known[i] for i in spread), commit.state)
-        return [*clear_trajectories(remaining, problem, commit.before, now.closed, options.margin, latest, enough)]
-
-    def _rechecked(self, problem: Problem, trajectories: Sequence[Trajectory]) -> ReplanResult:
-        """Return known trajectories as the result of a query while the graph on the clock is being built."""
-        trajectories = complete(problem, trajectories)
-        candidates = of_remaining(rechecked(self.planner.name, problem, self.objectives, trajectories), problem)
-        return ReplanResult(candidates, math.inf, 0, described(trajectories))
+        known, checks = (*self._last_trajectories, *self._trajectories), (now.closed, options.margin, latest)
+        return [*([] if present is None else [present]), *clear_remaining(known, problem, commit, checks, seconds)]
 
     # The graph on the clock, built in another thread
 
@@ -329,6 +306,12 @@ class Replanner:
         answer: Mapping[str, Any] | None,
     ) -> ReplanResult:
         """Search on the graph without a clock, beginning with known paths."""
+        began = time.perf_counter()
+        if deadline is not None and not self.is_built(now, 0.0):
+            clear = self._clear(now, problem, commit, present, 0.5 * deadline)
+            if not self.is_built(now, deadline - (time.perf_counter() - began)):
+                return known_result(self.planner.name, problem, self.objectives, clear)
+            deadline = max(0.0, deadline - (time.perf_counter() - began))
         graph = self.graph(now)
         node = int(graph.nodes(commit.state)[0])
         known, present_arcs, prepared = list[IntArray](), None, self._prepared
@@ -371,8 +354,23 @@ class Replanner:
         candidates = of_remaining(graph.candidates(node, paths), problem)
         return ReplanResult(candidates, paths.gap, paths.stats.labels_generated, logged_result, lost)
 
+    def is_built(self, now: DriveSurroundings, seconds: float) -> bool:
+        """Return whether the graph without a clock is built, after waiting for ``seconds`` if another thread builds it.
+
+        The first call begins to build it.
+        """
+        if self._graph is None and self._building is None:
+            self._building = LatestOnlyWorker().begin(partial(self._laid_out, now))
+        return self._building is None or bool(wait([self._building], max(0.0, seconds)).done)
+
     def graph(self, now: DriveSurroundings) -> DriveGraph:
         """Return the graph with the present costs and closed areas; it is built at the first call."""
+        if self._building is not None:
+            building, self._building = self._building, None
+            building.result()
+        return self._laid_out(now)
+
+    def _laid_out(self, now: DriveSurroundings) -> DriveGraph:
         before = self._graph
         if self._graph is None:
             problem = now.problem.at(self.problem.start, 0.0)

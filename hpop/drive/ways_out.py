@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, islice, product
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 import shapely
@@ -178,11 +178,6 @@ def held(found: Candidates, model: Model, now: DriveSurroundings, commit: Commit
         words += ", but moves back would not free it either"
     note = f"people who touch the robot hold it: neither turns nor moves {words}"
     return replace(found, notes=(*found.notes, note))
-
-
-def described(trajectories: Sequence[Trajectory]) -> dict[str, Any]:
-    """Return trajectories as a dict for the log of a drive, from which the drive can be repeated."""
-    return {"ways": [trajectory.describe() for trajectory in trajectories]}
 
 
 def _words(way: Trajectory) -> str:

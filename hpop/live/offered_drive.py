@@ -162,8 +162,7 @@ class OfferedDrive:
         drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin), waits=False)
         with self.changing:
             self.drive = drive
-        if self.surroundings.moving:  # pushes are answered from known ways until the graph is built
-            self._offer_rest(max(now, self.clock(), begin), AHEAD, within=0.0)
+        self._offer_rest(max(now, self.clock(), begin), AHEAD, within=0.0)  # for pushes, until the graph is built
 
     def push_at_once(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Answer a push beside a request that another thread is answering; no message if it has to wait for that.

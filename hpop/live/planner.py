@@ -20,7 +20,7 @@ from hpop.base.text import printable
 from hpop.drive.script import follow
 from hpop.errors import DriveError, HpopError, QueryError
 from hpop.live.cards import Ways, line_of
-from hpop.live.offered_drive import AHEAD, LEAD, PASSED, WITHIN, Message, OfferedDrive, Pose
+from hpop.live.offered_drive import AHEAD, LEAD, PASSED, Message, OfferedDrive, Pose
 from hpop.live.offers import HORIZON, Offer, apart, pose_of
 from hpop.live.places import destination_of, on_graph, start_on_graph
 from hpop.planners.graphs.state_graph import StateGraph
@@ -40,6 +40,8 @@ KEPT_OFFERS = 8
 """Offers of which a way can still be taken."""
 LIKE = 0.6
 """Largest mean distance, m, between a way that was chosen too late and the one that is taken in its place."""
+WITHIN_PUSH = 0.03
+"""Time, s, in which the ways of a drive must be found for a push that waits for them."""
 STANDS = 0.05
 """Speed, m/s, below which a person counts as standing."""
 
@@ -135,9 +137,10 @@ class LivePlanner(OfferedDrive):
         if self.goal is not None:
             yield from self._offer_goal(now, pose)
             return
+        is_rebuilt = self.surroundings.moving or (self.drive is not None and not self.drive.is_prepared)
         offer = self._offer_rest(now, max(AHEAD, min(TIMES_AHEAD * self.took, MOST_AHEAD)))
         is_found = offer is None or (offer.surroundings is self.surroundings and math.isfinite(offer.gap))
-        if self.surroundings.moving and not is_found:
+        if not is_found and is_rebuilt:
             yield {"type": "again"}
 
     def show(self, now: float, pose: Pose) -> Iterator[Message]:
@@ -200,7 +203,7 @@ class LivePlanner(OfferedDrive):
                 yield from self._offer_goal(now, pose)
             else:  # among people, known ways: the graph may be built anew
                 lead = max(LEAD, min(2.0 * self.took, MOST_AHEAD))
-                self._offer_rest(now, lead, within=0.0 if self.surroundings.moving else WITHIN)
+                self._offer_rest(now, lead, within=0.0 if self.surroundings.moving else WITHIN_PUSH)
         yield from self._answer(now, pose[2] + direction)
 
     def wish(self, now: float, pose: Pose, wish: str) -> Iterator[Message]:

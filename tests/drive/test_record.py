@@ -55,6 +55,27 @@ def test_a_drive_that_is_told_again_is_the_same(seed: int, tmp_path: Path) -> No
     assert (tmp_path / "again.json").read_bytes() == (tmp_path / "drive.json").read_bytes()
 
 
+def test_until_the_graph_is_built_options_are_the_known_plans_and_are_told_again_the_same(tmp_path: Path) -> None:
+    problem, front = planned()
+    drive = hpop.follow(problem, front, 0, waits=False)
+    known = drive.options(0.0, 1.0, within=0.0)
+    assert known.status is hpop.Status.TIME_LIMIT
+    assert known.gap == np.inf
+    assert known.keep_on is not None
+    exact = drive.options(0.0, 1.0)
+    assert exact.status is hpop.Status.COMPLETE
+    assert known.commit.time == exact.commit.time
+    of_exact = np.array([list(option.costs.values()) for option in exact])
+    for option in known:
+        values = np.array(list(option.costs.values()))
+        assert option.keeps_on or (np.abs(of_exact - values).max(axis=1) < 1e-9).any()
+    drive.take(int(exact.place_of(0)))
+    drive.save(tmp_path / "drive.json")
+    again = hpop.drive.load(tmp_path / "drive.json")
+    assert again.record == json.loads(json.dumps(drive.record))
+    assert again.plan.kinds == drive.plan.kinds
+
+
 @pytest.fixture(scope="module")
 def stored(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     """Return the document of a drive that has just begun."""

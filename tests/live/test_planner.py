@@ -98,6 +98,18 @@ def test_the_plan_of_a_push_is_the_way_with_the_least_mean_angle(planner: LivePl
         assert pushed["followed"] or pushed["option"] == present
 
 
+def test_a_push_just_after_a_new_destination_was_taken_takes_the_nearest_of_the_ways_that_were_offered(
+    planner: LivePlanner,
+) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.0, START, options["cards"][0]["option"]))
+    assert planner.offer is not None
+    gaps = [brute(way, START[2] + 0.7) for way in planner.offer.ways.trajectories]
+    assert len(gaps) > 1
+    pushed = of(planner.push_at_once(0.1, START, 0.7), "pushed")
+    assert gaps[pushed["option"]] == pytest.approx(min(gaps), abs=1e-9)
+
+
 def test_a_push_takes_the_nearest_way_that_is_open_and_none_if_there_is_none(planner: LivePlanner) -> None:
     list(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}))
     assert planner.offer is not None
