@@ -15,7 +15,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions, Vector
-from hpop.world.geometry.rays_in_space import Surfaces, refuse_symbols, rows, surfaces_of, towards_ball
+from hpop.world.geometry.rays_in_space import Surfaces, refuse_symbols, rows, surfaces_of
 from hpop.world.geometry.solids import Solid
 
 
@@ -117,7 +117,7 @@ class ViewDistance(Targeted):
         return m.integrate(outside)
 
 
-BLOCK = 1 << 14  # rays in one call: they fit into the processor's cache
+BLOCK = 1024  # states in one call: the poses of their bodies fit into the processor's cache
 
 
 @criterion("occlusion", group="P", unit="s", aggregate="sum", requires=("camera",), smooth=False, world_frame=True)
@@ -161,16 +161,12 @@ class Occlusion(Targeted):
 
     def _find_blocked(self, surfaces: Surfaces, fixed: int, s: Instants, rays: NDArray[np.int8]) -> None:
         """Write to rays (N, K), where they are 2, whether those to the target are blocked: 0 or 1."""
-        size = s.state.size
+        size, bodies = s.state.size, s.model.bodies
         camera = rows((s.camera.x, s.camera.y, s.camera.z), size)
-        # For a target that moves, rays are drawn in a frame whose origin is the target.
-        target, seen_from = self.target, camera
-        if isinstance(target, str):
-            target, seen_from = (0.0, 0.0, 0.0), camera - rows(self.position(s), size)
-        step = max(1, BLOCK // self.rays)
-        poses = [pose for _, pose in s.model.bodies(s.state)]
-        for begin in range(0, size, step):
-            part = slice(begin, begin + step)
-            placed = np.stack([pose[part] for pose in poses]) if poses else np.empty((0, 0, 4, 4))
-            lines = towards_ball(seen_from[part], target, self.radius, self.rays)
-            surfaces.find_blocked(fixed, placed, camera[part], *lines, rays[part])
+        offsets = rows(self.offset(s), size)
+        for begin in range(0, size, BLOCK):
+            part = slice(begin, begin + BLOCK)
+            state = s.state if size <= BLOCK else s.state.take(part)
+            poses = [pose for _, pose in bodies(state)]
+            placed = np.stack(poses) if poses else np.empty((0, len(camera[part]), 4, 4))
+            surfaces.find_blocked(fixed, placed, camera[part], offsets[part], self.radius, rays[part])

@@ -213,46 +213,6 @@ def first_hits(
 
 
 @kernel
-def towards_ball(
-    places: FloatArray, centre: FloatArray, radius: float, disc: FloatArray, directions: FloatArray, reach: FloatArray
-) -> None:
-    """Write unit vectors (N, K, 3) from points (N, 3) to a ball, and the distances (N, K), m, at which they reach it.
-
-    The targets are points (K, 2) of a unit disc, scaled to the ball and turned to face each point. Distances are 0 for
-    points in the ball.
-    """
-    for n in range(len(places)):
-        x, y, z = centre[0] - places[n, 0], centre[1] - places[n, 1], centre[2] - places[n, 2]
-        square = x * x + y * y + z * z
-        distance = math.sqrt(square)
-        if distance <= radius:
-            directions[n], reach[n] = 0.0, 0.0
-            continue
-        a, b, c = abs(x), abs(y), abs(z)  # the axis most perpendicular to it
-        if a <= b and a <= c:
-            ux, uy, uz = 0.0, z, -y
-        elif b <= c:
-            ux, uy, uz = -z, 0.0, x
-        else:
-            ux, uy, uz = y, -x, 0.0
-        scale = radius / math.sqrt(ux * ux + uy * uy + uz * uz)
-        ux, uy, uz = ux * scale, uy * scale, uz * scale
-        vx, vy, vz = (y * uz - z * uy) / distance, (z * ux - x * uz) / distance, (x * uy - y * ux) / distance
-        for k in range(len(disc)):
-            dx, dy, dz = (
-                x + disc[k, 0] * ux + disc[k, 1] * vx,
-                y + disc[k, 0] * uy + disc[k, 1] * vy,
-                z + disc[k, 0] * uz + disc[k, 1] * vz,
-            )
-            length = math.sqrt(dx * dx + dy * dy + dz * dz)
-            dx, dy, dz = dx / length, dy / length, dz / length
-            along = dx * x + dy * y + dz * z
-            beside = max(square - along * along, 0.0)  # squared distance of the ball's centre
-            directions[n, k, 0], directions[n, k, 1], directions[n, k, 2] = dx, dy, dz
-            reach[n, k] = along - math.sqrt(max(radius * radius - beside, 0.0))
-
-
-@kernel
 def flow(
     planes: FloatArray,
     begin: IntArray,

@@ -44,8 +44,10 @@ class Surfaces:
     rounds  (B, 8)    of each body: centre, m; axis of its cylinder (0, 0, 0 for a ball); radius of its cylinder or
                       ball (0 without one); radius of a ball round the centre that holds the body, m
     edges   (B + 1,)  index of the first edge of each box and hull; the first twelve of a hull are those of its box
-    sides   (E, 2)    of each edge: the two planes that meet in it, as numbers in the box, or among the planes after it
-    corners (E, 6)    of each edge: its two ends, m, the first plane's face to the left as seen from outside
+    sides   (E, 4)    of each edge: the two planes that meet in it, as numbers in the box, or among the planes after it;
+                      its two corners, in the same way; the first plane's face is to the left as seen from outside
+    tips    (B + 1,)  index of the first corner of each box and hull; the first eight of a hull are those of its box
+    corners (C, 3)    of boxes and hulls, m
 
     >>> can = Surfaces.of([Solid(Cylinder(0.1, 0.4), np.eye(4))])
     >>> ahead, up = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -57,26 +59,27 @@ class Surfaces:
     begin: IntArray
     rounds: FloatArray
     edges: IntArray
-    sides: IntArray
+    sides: NDArray[np.uint32]
+    tips: IntArray
     corners: FloatArray
 
     @classmethod
     def of(cls, solids: Sequence[Solid]) -> Surfaces:
         """Build surfaces from solids in space."""
         planes, rounds = [np.empty((0, 4))], [np.empty((0, 8))]
-        sides, corners = [np.empty((0, 2), np.int64)], [np.empty((0, 6))]
+        sides, corners = [np.empty((0, 4), np.uint32)], [np.empty((0, 3))]
         for solid in solids:
             faces, centre, axis, radius, bound = _form(solid.shape)
             turned, place = solid.pose[:3, :3], solid.pose[:3, 3]
             normals = faces[:, :3] @ turned.T
             planes.append(np.column_stack([normals, faces[:, 3] + normals @ place]))
             rounds.append(np.array([[*(turned @ centre + place), *(turned @ axis), radius, bound]]))
-            between, ends = _edges(solid.shape, faces)
+            between, points = _edges(solid.shape, faces)
             sides.append(between)
-            corners.append((ends @ turned.T + place).reshape(-1, 6))
-        begin, edges = (np.cumsum([len(part) for part in parts], dtype=np.int64) for parts in (planes, sides))
-        arrays = np.concatenate(planes), begin, np.concatenate(rounds), edges
-        return cls(*arrays, np.concatenate(sides), np.concatenate(corners))
+            corners.append(points @ turned.T + place)
+        begin, edges, tips = (np.cumsum([len(each) for each in parts]) for parts in (planes, sides, corners))
+        stacked = np.concatenate(planes), begin, np.concatenate(rounds), edges
+        return cls(*stacked, np.concatenate(sides), tips, np.concatenate(corners))
 
     def __len__(self) -> int:
         return len(self.rounds)
@@ -97,42 +100,52 @@ class Surfaces:
         return out
 
     def blocked(
-        self, own: Surfaces, poses: FloatArray, origins: FloatArray, directions: FloatArray, reach: FloatArray
+        self,
+        own: Surfaces,
+        poses: FloatArray,
+        origins: FloatArray,
+        centre: Sequence[float] | FloatArray,
+        radius: float,
+        rays: int,
     ) -> FloatArray:
-        """Return the fraction (N,) of rays from origins (N, 3), m, that enter a body before ``reach`` (N, K), m.
+        """Return the fraction (N,) of rays from origins (N, 3), m, to a ball that enter a body before they reach it.
 
-        Rays have unit directions (N, K, 3). Bodies are these surfaces, and the robot's surfaces ``own``, each of
-        which moves with a frame: poses (B, N, 4, 4).
+        Bodies are these surfaces, and the robot's surfaces ``own``, each of which moves with a frame: poses (B, N, 4,
+        4). See :meth:`find_blocked` for the rays.
         """
-        rays = np.full(reach.shape, ASKED, np.int8)
-        self.joined(own).find_blocked(len(self), poses, origins, directions, reach, rays)
-        return np.asarray(rays.mean(axis=1))
+        found = np.full((len(origins), rays), ASKED, np.int8)
+        self.joined(own).find_blocked(len(self), poses, origins, np.array(centre) - origins, radius, found)
+        return np.asarray(found.mean(axis=1))
 
     def find_blocked(
         self,
         fixed: int,
         poses: FloatArray,
         origins: FloatArray,
-        directions: FloatArray,
-        reach: FloatArray,
+        offsets: FloatArray,
+        radius: float,
         rays: NDArray[np.int8],
     ) -> None:
-        """Write to rays (N, K), where they are ASKED, whether rays enter a body before ``reach``: 0 or 1.
+        """Write to rays (N, K), where they are ASKED, whether rays to a ball enter a body before they reach it: 0 or 1.
 
-        Bodies from number ``fixed`` on move with frames: poses (B - fixed, N, 4, 4). See :meth:`blocked`.
+        Bodies from number ``fixed`` on move with frames: poses (B - fixed, N, 4, 4). The rays from each origin (N, 3),
+        m, are aimed at K points spread evenly over a disc, which has the ball's centre and radius and faces the origin.
+        ``offsets`` (N, 3) lead from the origins to the centre. From within the ball, all rays are free.
         """
         limits.check(RAYS)
-        arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, directions, reach))
-        bodies = self.planes, self.begin, self.rounds, self.edges, self.sides, self.corners
-        geometry._sight_in_space.blocked(*bodies, fixed, *arrays, rays)
+        arrays = (np.ascontiguousarray(array, dtype=np.float64) for array in (poses, origins, offsets))
+        bodies = self.planes, self.begin, self.rounds, self.edges, self.sides, self.tips, self.corners
+        disc = over_disc(rays.shape[1])
+        geometry._sight_in_space.blocked(*bodies, fixed, *arrays, float(radius), disc, rays)
 
     def joined(self, other: Surfaces) -> Surfaces:
         """Return these bodies and those of ``other``, in this order."""
-        joined = [np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("planes", "rounds")]
-        sides, corners = (np.concatenate([getattr(self, name), getattr(other, name)]) for name in ("sides", "corners"))
-        begin = np.append(self.begin, self.begin[-1] + other.begin[1:])
-        edges = np.append(self.edges, self.edges[-1] + other.edges[1:])
-        return Surfaces(joined[0], begin, joined[1], edges, sides, corners)
+        values, starts = ("planes", "rounds", "sides", "corners"), ("begin", "edges", "tips")
+        arrays = {name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in values}
+        for name in starts:
+            own, more = getattr(self, name), getattr(other, name)
+            arrays[name] = np.append(own, own[-1] + more[1:])
+        return Surfaces(**arrays)
 
     def flow(
         self,
@@ -211,19 +224,6 @@ def over_sphere(count: int, width: float = 2.0 * math.pi, height: float = math.p
     return np.stack([across * np.cos(angle), across * np.sin(angle), z], axis=1)
 
 
-def towards_ball(
-    places: FloatArray, centre: Sequence[float], radius: float, rays: int
-) -> tuple[FloatArray, FloatArray]:
-    """Return rays from points (N, 3), m, to a ball: unit vectors (N, rays, 3), and their lengths (N, rays), m.
-
-    The rays are aimed at points spread evenly over a disc, which has the ball's centre and radius and faces the origin
-    of the rays. The rays end at the surface of the ball. From a point inside the ball, directions and lengths are 0.
-    """
-    directions, reach = np.empty((len(places), rays, 3)), np.empty((len(places), rays))
-    geometry._kernels.towards_ball(places, np.array(centre, float), radius, over_disc(rays), directions, reach)
-    return directions, reach
-
-
 def over_disc(count: int) -> FloatArray:
     """Return points (count, 2), spread evenly over the unit disc."""
     number = np.arange(count)
@@ -231,30 +231,31 @@ def over_disc(count: int) -> FloatArray:
     return np.stack([distance * np.cos(angle), distance * np.sin(angle)], axis=1)
 
 
-def _edges(shape: Shape, planes: FloatArray) -> tuple[IntArray, FloatArray]:
-    """Return the edges of a box or hull, see `Surfaces`: sides (E, 2), ends (E, 2, 3); none for other shapes.
+def _edges(shape: Shape, planes: FloatArray) -> tuple[NDArray[np.uint32], FloatArray]:
+    """Return the edges of a box or hull, see `Surfaces`: sides (E, 4), corners (C, 3); none for other shapes.
 
     planes  those of the shape, from `_form`
     """
+    nothing = np.empty((0, 4), np.uint32), np.empty((0, 3))
     if not isinstance(shape, Box | Hull):
-        return np.empty((0, 2), np.int64), np.empty((0, 2, 3))
-    high, low = planes[:3, 3], -planes[3:6, 3]
+        return nothing
+    high, low, power = planes[:3, 3], -planes[3:6, 3], np.array([1, 2, 4])
     i, j = np.nonzero(np.triu(planes[:6, :3] @ planes[:6, :3].T == 0.0))
-    along = 0.5 * (high - low) * np.cross(planes[i, :3], planes[j, :3])
-    middle = 0.5 * (high + low) + 0.5 * (high - low) * (planes[i, :3] + planes[j, :3])
-    sides, ends = np.column_stack([i, j]), np.stack([middle - along, middle + along], axis=1)
+    out, along = planes[i, :3] + planes[j, :3], np.cross(planes[i, :3], planes[j, :3])
+    sides = np.column_stack([i, j, (out - along > 0.0) @ power, (out + along > 0.0) @ power]).astype(np.uint32)
+    corners = np.where(np.arange(8)[:, None] & power, high, low)
     if isinstance(shape, Box):
-        return sides, ends
+        return sides, corners
     triangles = shape.triangles
     face = np.unique(np.round(_faces(shape), 12), axis=0, return_inverse=True)[1].ravel()
     a, b, of = triangles.ravel(), np.roll(triangles, -1, axis=1).ravel(), np.repeat(face, 3)
     there, back = np.lexsort((b, a)), np.lexsort((a, b))  # each edge, and the same one as seen from the other triangle
     if not (np.array_equal(a[there], b[back]) and np.array_equal(b[there], a[back])):
-        return sides[:0], ends[:0]
+        return nothing
     own = (a[there] < b[there]) & (of[there] != of[back])
     there, back = there[own], back[own]
-    faces, corners = np.column_stack([of[there], of[back]]), shape.points[np.column_stack([a[there], b[there]])]
-    return np.concatenate([sides, faces]), np.concatenate([ends, corners])
+    faces = np.column_stack([of[there], of[back], a[there], b[there]]).astype(np.uint32)
+    return np.concatenate([sides, faces]), np.concatenate([corners, shape.points])
 
 
 def _faces(hull: Hull) -> FloatArray:
