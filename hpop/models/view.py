@@ -6,7 +6,8 @@ exports follow the view. All else is the robot's own.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from operator import attrgetter
@@ -28,9 +29,14 @@ from hpop.motions.states import LevelPose, Vector
 
 if TYPE_CHECKING:
     from hpop.motions import Collision
+    from hpop.trajectories.trajectory import Trajectory
     from hpop.world import World
 
 Turning = Literal["fixed", "level", "unwound"]
+STEEP = math.radians(120.0)
+"""Tilt of the camera, rad, beyond which a level view may turn more than twice as fast as the camera."""
+BETWEEN = 0.05
+"""s between the moments of a trajectory at which the tilt is looked at."""
 UPSIDE_DOWN = 1e-9  # least 1 + cos of the camera's tilt for which the yaw of a level view is defined
 OF_ROBOT = (
     *("provides", "space", "laws", "parts", "platform", "mounts", "joints", "executed", "speed_classes", "paces"),
@@ -198,7 +204,8 @@ class ViewModel(_OfRobot):
     restrictor  :class:`Restrictor` that narrows the field of view while the view moves, or its parameters by name
 
     A level view has the yaw of the camera after the smallest rotation that makes the camera upright. Without roll it is
-    the camera's own yaw. For a camera that is upside down it is not defined.
+    the camera's own yaw. For a camera that is upside down it is not defined, and near there the view may turn much
+    faster than the camera: a note on the front tells of trajectories on which the camera tilts by over 120 degrees.
 
     Goals for the camera, such as ``look_at``, still ask for the robot's own camera. A restrictor that never narrows the
     view is dropped.
@@ -242,6 +249,30 @@ class ViewModel(_OfRobot):
     def collision(self, world: World) -> Collision:
         """Return the robot's collision test for planning."""
         return self.model.collision(world)
+
+    def notes_on(self, trajectories: Sequence[Trajectory]) -> tuple[str, ...]:
+        """Return the robot's notes on the trajectories of a front, and one on those that tilt a level view steeply."""
+        robot: Any = with_optional_members(self.model, MODEL_DEFAULTS)
+        notes: tuple[str, ...] = robot.notes_on(trajectories)
+        if self.turning != "level" or "plane" in self.provides:
+            return notes
+        tilts = np.array([self._steepest(one) for one in trajectories])
+        if not (tilts > STEEP).any():
+            return notes
+        most = float(tilts.max())
+        faster = f"up to {1.0 / math.cos(most / 2):.0f} times as fast" if most < math.radians(179) else "at any speed"
+        return (
+            *notes,
+            f"on {np.count_nonzero(tilts > STEEP):,} of {len(tilts):,} trajectories the camera tilts by over 120 "
+            f"degrees, at most by {math.degrees(most):.0f}: there a level view may turn {faster} as the camera; "
+            'look at a ride, or take turning "unwound"',
+        )
+
+    def _steepest(self, trajectory: Trajectory) -> float:
+        """Return the largest tilt of the robot's camera on a trajectory, rad."""
+        times = np.linspace(0.0, trajectory.duration, 2 + int(trajectory.duration / BETWEEN))
+        up = self.model.pose("camera", trajectory.at(times)).up[2]
+        return float(np.arccos(np.clip(np.min(up), -1.0, 1.0)))
 
     def _turns(self, body: str) -> bool:
         """Return whether software turns the pose of a body."""

@@ -8,7 +8,7 @@ people remain in it whose loss by the best row is over a tenth of their range.
 Each question of the test compares the best row with a challenger: the row whose probability to win by the second model
 is the most above that by the weighted sum. The *doubt* is the logarithm of the ratio of the probabilities of all
 answers, by the second model to the weighted sum (a likelihood ratio of mixtures). Above :data:`MOST_DOUBT` the weighted
-sum does not fit.
+sum does not fit. A test whose doubt is clear ends early, so that more questions are left for those of whom it is not.
 
 On a convex front every row is best for some weights, so that answers also move the weights; therefore both models are
 compared by all answers, those before the test as well.
@@ -16,6 +16,7 @@ compared by all answers, those before the test as well.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -32,20 +33,51 @@ from hpop.preference.posterior import NOTICEABLE, Draws
 from hpop.preference.preference import ASKING, Preference
 from hpop.preference.tastes import Tastes, some_rows
 
-CHECKS = 8
-"""Number of questions of a test."""
-MOST_DOUBT = 0.2
-"""Doubt above which a weighted sum does not fit; at most some 5 % of people with a weighted sum have more."""
+CHECKS = 16
+"""Largest number of questions of a test."""
+LEAST_CHECKS = 3
+"""Number of questions after which a test may end early."""
+SETTLED = -3.0, 3.0
+"""Doubts below and above which a test ends early."""
+MOST_DOUBT = 0.0
+"""Doubt above which a weighted sum does not fit: then other tastes explain the answers better."""
 LARGE_LOSS = 0.1
 """Share of a person's range of losses that the best row must cost people of the second model."""
 HELPFUL = 1.0
 """Least gain of the logarithm of the evidence by a feature that is worth suggesting."""
 THRESHOLDS = (0.25, 0.5, 0.75)
 """Thresholds that are tried as features, as shares of the range of a cost."""
-DRAWN = 20_000
+DRAWN = 40_000
 """Draws of people, of each model."""
 LIKELY = 1_500
 """Most probable people of the second model who choose the next question."""
+
+
+class Known(NamedTuple):
+    """What both models know before and after answers.
+
+    others     people of the second model
+    of_others  (N,)  logarithms of the probability of all decided answers, by each of them
+    draws      people with a weighted sum
+    of_sum     (M,)  logarithms of the probability of these answers, by each of them
+    """
+
+    others: Others
+    of_others: FloatArray
+    draws: Draws
+    of_sum: FloatArray
+
+    def after(self, answers: Sequence[PairAnswer], scale: CostScale) -> Known:
+        """Return what is known after more answers; "no difference" is left out."""
+        decided = [answer for answer in answers if answer.chosen is not None]
+        if not decided:
+            return self
+        pairs = np.array([one.costs if one.chosen == one.first else one.costs[::-1] for one in decided])
+        chosen, other = (scale.scaled(pairs[:, i]) for i in range(2))
+        of_sum = evidence(decided, scale, ties=False).log_probability(self.draws.weights, self.draws.ties)
+        return self._replace(
+            of_others=self.of_others + self.others.tastes.log_probability(chosen, other), of_sum=self.of_sum + of_sum
+        )
 
 
 class Others(NamedTuple):
@@ -72,7 +104,7 @@ class FitCheck:
 
     person: Preference
     answers: tuple[PairAnswer, ...] = ()
-    _known: Others | None = field(default=None, repr=False)
+    _before: FitCheck | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, person: Preference) -> Self:
@@ -90,10 +122,13 @@ class FitCheck:
         return self.person.best().row
 
     def next_pair(self) -> tuple[int, int] | None:
-        """Return the two rows to ask about next, the left one first; None after :data:`CHECKS` questions.
+        """Return the two rows to ask about next, the left one first; None if the test is over.
 
-        One of the rows is :attr:`row`. Also None if no challenger differs noticeably from it.
+        It is over after :data:`CHECKS` questions; from :data:`LEAST_CHECKS` questions on, once the doubt is beyond
+        :data:`SETTLED`; and if no challenger differs noticeably from :attr:`row`, which is one of the two rows.
         """
+        if len(self.answers) >= LEAST_CHECKS and not SETTLED[0] <= self.doubt <= SETTLED[1]:
+            return None
         rows = self._rows
         value = np.where(np.abs(rows - rows[self.row]).max(axis=1) >= NOTICEABLE, self._challenge(), -np.inf)
         value[[row for answer in self.answers for row in (answer.first, answer.second)]] = -np.inf
@@ -114,7 +149,7 @@ class FitCheck:
             )
         costs = self.person.scale.costs_on(self.person.points)  # type: ignore[arg-type]
         told = (*self.answers, answer_of(first, second, chosen, costs))
-        return replace(self, answers=told, _known=self._others)
+        return replace(self, answers=told, _before=self)
 
     # Results
 
@@ -125,7 +160,7 @@ class FitCheck:
         It is the logarithm of the ratio of the probability of all answers by the second model to that by a weighted
         sum. Answers before the test count as well; "no difference" does not.
         """
-        return _log_mean(self._logs_of_others) - self._evidence_of_sum(self.person.scale)
+        return _log_mean(self._known.of_others) - _log_mean(self._known.of_sum)
 
     @property
     def fits(self) -> bool:
@@ -137,7 +172,8 @@ class FitCheck:
         """Row that is best for the person: by the weighted sum if it fits, otherwise by the second model."""
         if self.fits:
             return self.preference.best().row
-        return int(self._others.rows[np.argmin(_probabilities(self._logs_of_others) @ self._others.losses)])
+        others = self._known.others
+        return int(others.rows[np.argmin(_probabilities(self._known.of_others) @ others.losses)])
 
     @cached_property
     def preference(self) -> Preference:
@@ -145,11 +181,11 @@ class FitCheck:
 
         "No difference" is left out if it was not a possible answer before the test.
         """
-        person = self.person
-        for answer in self.answers:
-            if answer.chosen is not None or person.ties:
-                person = person.told(answer.first, answer.second, answer.chosen)
-        return person
+        if not self.answers:
+            return self.person
+        before, last = self._former.preference, self.answers[-1]
+        known = last.chosen is not None or before.ties
+        return before.told(last.first, last.second, last.chosen) if known else before
 
     def suggestions(self) -> list[tuple[dict[str, Feature], float]]:
         """Return features for ``Preference.fit(..., features=...)`` that describe the answers better, the best first.
@@ -191,38 +227,33 @@ class FitCheck:
         return self.person.scale.rows_on(self.person.points)  # type: ignore[arg-type]
 
     @cached_property
-    def _decided(self) -> list[PairAnswer]:
-        """All answers that chose a row, before the test and in it."""
-        return [answer for answer in (*self.person.answers, *self.answers) if answer.chosen is not None]
+    def _former(self) -> FitCheck:
+        """The test before its last answer."""
+        return self._before if self._before is not None else replace(self, answers=self.answers[:-1])
 
     @cached_property
-    def _others(self) -> Others:
-        """People of the second model; they do not depend on the answers of the test."""
-        if self._known is not None:
-            return self._known
+    def _known(self) -> Known:
+        """What both models know; their people do not depend on the answers of the test."""
+        if self.answers:
+            return self._former._known.after(self.answers[-1:], self.person.scale)
         rng = np.random.default_rng([self.person.seed, 7])
         rows = some_rows(len(self._rows), self.row, rng)
         tastes, losses = Tastes.draw(self._rows[rows], self.person.prior, DRAWN, rng)
         lose = losses[:, np.searchsorted(rows, self.row)] > LARGE_LOSS
         if not lose.any():
             lose[:] = True
-        return Others(tastes.subset(lose), rows, losses[lose])
-
-    @cached_property
-    def _logs_of_others(self) -> FloatArray:
-        """Logarithms of the probability (N,) of all decided answers, by each person of the second model."""
-        pairs = np.array([a.costs if a.chosen == a.first else a.costs[::-1] for a in self._decided])
-        pairs = pairs.reshape(-1, 2, len(self.person.scale.names))
-        chosen, other = (self.person.scale.scaled(pairs[:, i]) for i in range(2))
-        return self._others.tastes.log_probability(chosen, other)
+        others = Others(tastes.subset(lose), rows, losses[lose])
+        draws = self._people_of_sum(self.person.scale)
+        known = Known(others, np.zeros(int(lose.sum())), draws, np.zeros(len(draws)))
+        return known.after(self.person.answers, self.person.scale)
 
     def _challenge(self) -> FloatArray:
         """Return for each row (m,) how much likelier it beats the best row by the second model than by the sum.
 
         Rows that the second model does not consider have minus infinity.
         """
-        others = self._others
-        probability = _probabilities(self._logs_of_others)
+        others = self._known.others
+        probability = _probabilities(self._known.of_others)
         likely = np.argsort(-probability)[:LIKELY]
         losses, sharpness = others.losses[likely], others.tastes.sharpness[likely]
         gains = sharpness[:, None] * (losses[:, [np.searchsorted(others.rows, self.row)]] - losses)
@@ -233,14 +264,16 @@ class FitCheck:
         value[others.rows] = (1.0 - LAPSE) * (by_others - by_sum)
         return value
 
-    def _evidence_of_sum(self, scale: CostScale) -> float:
-        """Return the logarithm of the probability of all answers by a weighted sum of costs on a scale.
-
-        The probability is a mean over the prior of the weights, before any answer.
-        """
+    def _people_of_sum(self, scale: CostScale) -> Draws:
+        """Draw people with a weighted sum of costs on a scale, from the prior of the weights before any answer."""
         prior = replace(self.person.prior, concentration=(), about=(), _stretch=())
-        draws = Draws.of(prior, len(scale.columns), DRAWN, np.random.default_rng([self.person.seed, 6]))
-        return _log_mean(evidence(self._decided, scale, ties=False).log_probability(draws.weights, draws.ties))
+        return Draws.of(prior, len(scale.columns), DRAWN, np.random.default_rng([self.person.seed, 6]))
+
+    def _evidence_of_sum(self, scale: CostScale) -> float:
+        """Return the logarithm of the probability of all decided answers by a weighted sum of costs on a scale."""
+        decided = [answer for answer in (*self.person.answers, *self.answers) if answer.chosen is not None]
+        draws = self._people_of_sum(scale)
+        return _log_mean(evidence(decided, scale, ties=False).log_probability(draws.weights, draws.ties))
 
 
 def _probabilities(logs: FloatArray) -> FloatArray:

@@ -22,6 +22,7 @@ from hpop.testing import conformance
 from hpop.world import World
 from hpop.world.content.content import Landmark
 from tests.models.serial_arm.arms import arm6
+from tests.two_arms import TABLE, two_arms
 
 ARM = arm6()
 DRIVE = hpop.DifferentialDrive(field_of_view=(2.4, 1.6))
@@ -200,6 +201,45 @@ def test_views_of_all_robots_pass_every_check(robot: Any, turning: Any) -> None:
     view = hpop.ViewModel(robot, turning, restrictor={"least": (1.0, 0.8)})
     assert [check for check in conformance(view, rng=2) if check.fault] == []  # 0: a reach passes by upside down
     assert make_model(view.describe()) == view
+
+
+@pytest.mark.parametrize("turning", ["unwound", "level", "fixed"])
+def test_a_view_of_two_arms_turns_as_that_of_the_viewing_arm_alone(turning: Any) -> None:
+    """The camera is on the viewing arm, so its view is that of this arm; plans and their costs follow the view."""
+    arms = two_arms()
+    view, alone = hpop.ViewModel(arms, turning, yaw=0.3), hpop.ViewModel(arms.view, turning, yaw=0.3)
+    assert make_model(view.describe()) == view
+    states = arms.space.sample(np.random.default_rng(3), 60)
+    joints = States(**{name: getattr(states, name) for name in arms.joints})
+    for axis in ("ahead", "left", "up"):
+        ours, theirs = (getattr(one.pose("camera", s), axis) for one, s in ((view, states), (alone, joints)))
+        assert [np.allclose(a, b, atol=1e-12) for a, b in zip(ours, theirs, strict=True)] == [True] * 3
+    assert np.array_equal(view.pose("work_tool", states).x, arms.pose("work_tool", states).x)
+    problem = hpop.Problem(TABLE, view, "home", "ready", ["rotation", "duration", {"look_at": {"target": "work_tool"}}])
+    front = problem.solve("roadmap", samples=30, seed=1)
+    assert len(front)
+    if turning == "unwound":
+        assert front.costs[:, 0].max() == 0.0
+    assert problem.evaluate(front).costs == pytest.approx(front.costs)
+
+
+def test_near_upside_down_a_level_view_turns_fast_and_a_note_says_so() -> None:
+    """Of random reaches of the arm, those that tilt its camera by over 120 degrees have the note, with their tilt."""
+    view = hpop.ViewModel(ARM, "level")
+    states = ARM.space.sample(np.random.default_rng(5), 60)
+    tilt = np.degrees(np.arccos(np.clip(ARM.pose("camera", states).up[2], -1, 1)))
+    steep, upright = int(np.argmax(tilt)), int(np.argmin(tilt))
+    assert tilt[steep] > 150
+    for row, is_told in ((steep, True), (upright, False)):
+        run = hpop.Trajectory.through(
+            view, States(**{n: getattr(states, n)[[row, row]] + [0.0, 0.01] for n in ARM.joints})
+        )
+        notes = view.notes_on([run])
+        assert bool(notes) == is_told
+        assert not hpop.ViewModel(ARM, "unwound").notes_on([run])
+        if is_told:
+            assert "on 1 of 1 trajectories the camera tilts by over 120 degrees" in notes[0]
+            assert float(notes[0].split("at most by ")[1].split(":")[0]) == pytest.approx(tilt[steep], abs=2)
 
 
 def test_a_goal_for_the_camera_asks_for_the_robot_s_own() -> None:

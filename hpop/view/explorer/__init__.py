@@ -155,7 +155,7 @@ def _outlines(raster: Raster) -> tuple[BaseGeometry, int]:
         cells = raster.cells
         for axis in (0, 1):
             cells = np.logical_or.reduceat(cells, np.arange(0, cells.shape[axis], side), axis=axis)
-        coarse = replace(raster, cells=cells, resolution=side * raster.resolution)
+        coarse = replace(raster, cells=cells, resolution=side * raster.resolution, contrasts=None)
         try:
             found = coarse.solid()
         except MapError:  # too many corners

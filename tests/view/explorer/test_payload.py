@@ -205,7 +205,9 @@ def test_cells_too_ragged_to_be_outlined_are_taken_together_and_a_note_says_so(m
     monkeypatch.setattr(drawn, "MOST_CORNERS", 300)
     cells = np.random.default_rng(3).random((40, 60)) < 0.2
     cells[:8, :8] = False
-    world = hpop.World.from_cells(cells, 0.5)
+    plain = hpop.World.from_cells(cells, 0.5)
+    coloured = replace(plain.raster, contrasts=np.full(cells.shape, 50, dtype=np.uint8))  # as of a coloured image
+    world = replace(plain, ground=replace(plain.ground, raster=coloured))
     problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.1), (1, 1, 0), (3, 3, 0), ["turns", "length"])
     page = Page(payload(problem, make_front(problem)))
     (area,) = (page.area(one) for one in page.raw["world"]["obstacles"])
