@@ -30,6 +30,7 @@ from hpop.base.registry import GROUPS, criteria, plugin_from_spec, with_optional
 from hpop.base.text import shown
 from hpop.errors import CriterionError, did_you_mean
 from hpop.motions import Model, lacking
+from hpop.world import World
 
 if TYPE_CHECKING:
     from hpop.criteria.comfort.sickness import Weighting
@@ -345,3 +346,15 @@ def check_requirements(criterion: Criterion, model: Model, world: World) -> None
         f"criterion {criterion.name!r} requires {', '.join(absent)}, which neither the model nor the world has; "
         + remedy
     )
+
+
+def check_stand_ins(criteria: Sequence[Criterion]) -> None:
+    """Raise CriterionError if a time-mean and its integral, which searches minimise, have different parameters."""
+    for mean in criteria:
+        integral = mean.integral or mean
+        for other in criteria:
+            if other.name == integral.name and other != integral:
+                raise CriterionError(
+                    f"searches minimise {integral!r} in place of {mean.name!r}, but {other!r} is also listed; give "
+                    "both equal parameters"
+                )

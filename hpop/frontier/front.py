@@ -117,8 +117,7 @@ class ItemFront(Choices[T], Generic[T]):
                 f"{self.status!r} and {self.certificate!r}; give both"
             )
         if not set(self.status.split(points.JOINT)) <= set(Status):  # a union of fronts has the statuses of both
-            known = ", ".join(Status)
-            raise FrontError(f"status must be one of {known} (a member of hpop.Status), got {shown(self.status)}")
+            raise FrontError(f"status must be one of {', '.join(Status)} (in hpop.Status), got {shown(self.status)}")
         for name, expected in (("units", k), ("groups", k), ("reported_units", r), ("provenance", n)):
             if len(getattr(self, name)) != expected:
                 raise ValueError(f"{name} must have {expected} entries, got {len(getattr(self, name))}")

@@ -15,6 +15,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import (
     Criterion,
     CriterionSpec,
+    check_stand_ins,
     check_usable,
     describe_criterion,
     index_of_role,
@@ -22,7 +23,7 @@ from hpop.criteria.base import (
 )
 from hpop.criteria.costs import trajectory_costs, with_quanta
 from hpop.criteria.performance.landmarks import StopsMissed
-from hpop.errors import CriterionError, HpopError, MapError, ModelError, OptionError, QueryError
+from hpop.errors import HpopError, MapError, ModelError, OptionError, QueryError
 from hpop.goals import Goal, GoalSet, GoalSpec, Tour, checked_goal
 from hpop.models.collision.leaving import world_with_leaving
 from hpop.motions import MODEL_DEFAULTS, Model, laws_of
@@ -109,7 +110,7 @@ class Problem:
         for criterion in checked:
             check_usable(criterion, model, world)
         _check_optional(stops, checked)
-        _check_stand_ins(checked)
+        check_stand_ins(checked)
         checked = with_quanta(checked, quanta)
         begin = model.space.state(start, what="start")
         world, touching = world_with_leaving(world, model, begin)
@@ -318,18 +319,6 @@ def _check_optional(tour: Tour | None, criteria: Sequence[Criterion]) -> None:
             f"a tour with optional stops ({names}) needs the criterion stops_missed, or they would never be visited; "
             "list it among the criteria, or leave optional out"
         )
-
-
-def _check_stand_ins(criteria: Sequence[Criterion]) -> None:
-    """Raise CriterionError if a time-mean and its integral, which searches minimise, have different parameters."""
-    for mean in criteria:
-        integral = mean.integral or mean
-        for other in criteria:
-            if other.name == integral.name and other != integral:
-                raise CriterionError(
-                    f"searches minimise {integral!r} in place of {mean.name!r}, but {other!r} is also listed; give "
-                    "both equal parameters"
-                )
 
 
 def _checked_trajectory(trajectory: Trajectory) -> Trajectory:

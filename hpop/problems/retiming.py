@@ -24,9 +24,8 @@ from hpop.planners.base import Candidates
 from hpop.planners.needs import people_move
 from hpop.planners.programs.path_coordinates import Coordinates, coordinates_of
 from hpop.planners.programs.speed_profiles import Discomfort, Profiles
-from hpop.planners.programs.stretches import PathStretch, stretches_of
+from hpop.planners.programs.stretches import PathStretch, ZoneLimits, stretches_of
 from hpop.planners.programs.weighted_profiles import WeightedMotion
-from hpop.planners.programs.zone_limits import ZoneLimits
 from hpop.problems.front import Front
 from hpop.problems.problem import Problem
 from hpop.problems.solving import front as evaluated_front

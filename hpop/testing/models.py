@@ -33,7 +33,7 @@ from hpop.testing.contracts import (
     raise_faults,
     twist_fault,
 )
-from hpop.testing.worlds import holds, random_motions, random_world
+from hpop.testing.worlds import drawn_states, holds, random_motions, random_world
 from hpop.trajectories.trajectory import Trajectory
 from hpop.world import World
 
@@ -163,13 +163,6 @@ def _attribute_fault(model: Model, world: World, seed: int) -> str:
 
 
 # Motions
-
-
-def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
-    """Return random states (size,) anywhere in a world, within the model's limits."""
-    x_min, y_min, x_max, y_max = world.bounds
-    spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
-    return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
 
 
 def drawn_pairs(model: Model, world: World, rng: np.random.Generator, size: int) -> tuple[States, States]:

@@ -30,7 +30,7 @@ from hpop.problems.problem import Problem
 from hpop.problems.verify import collision_free, verify
 from hpop.runtime.limits import Progress, Status
 from hpop.testing.contracts import Check, fault_of, raise_faults
-from hpop.testing.models import drawn_states
+from hpop.testing.worlds import drawn_states
 from hpop.world import Person, Solid, Sphere, World, pose_at
 
 ROOM = (5.0, 4.0)  # m

@@ -18,7 +18,11 @@ from hpop.errors import CriterionError
 from hpop.models.driven import states_after
 from hpop.motions import HOLD, Model, Motions, States
 from hpop.motions.laws import CLOCK
-from hpop.testing.contracts import Check, differ, fault_of
+from hpop.testing.contracts import (
+    Check,
+    differ,
+    fault_of,
+)
 from hpop.world import Ground, MeasuredField, World, pose_at
 from hpop.world.content.content import Landmark, Zone
 from hpop.world.content.futures import Future
@@ -364,3 +368,10 @@ def _absence_fault(criterion: Criterion, world: World, batches: list[Motions]) -
     gone = Person(6.0, 4.5, velocity=(0.02, 0.0), until=0.0)
     there, without = (_costs(criterion, with_people(world, some), batches) for some in ([*people, gone], people))
     return differ("with a person who has left", without, there, TOLERANCE)
+
+
+def drawn_states(model: Model, world: World, rng: np.random.Generator, size: int) -> States:
+    """Return random states (size,) anywhere in a world, within the model's limits."""
+    x_min, y_min, x_max, y_max = world.bounds
+    spans = {"x": (x_min, x_max), "y": (y_min, y_max)}
+    return model.space.bounded(**{n: s for n, s in spans.items() if n in model.space.names}).sample(rng, size)
