@@ -10,7 +10,7 @@ import pytest
 import shapely
 
 from hpop.criteria import AgainstFlow, Speeding, trajectory_cost
-from hpop.criteria.others.zones import one_way_flows
+from hpop.criteria.others.zones import one_way_flows, speed_limits
 from hpop.errors import CriterionError
 from hpop.models import DifferentialDrive
 from hpop.testing import check_criterion
@@ -79,6 +79,32 @@ def test_the_direction_is_that_of_the_nearest_segment():
         assert found == pytest.approx(tuple((b - a) / np.hypot(*(b - a))))
         checked += 1
     assert checked > 100
+
+
+def test_many_small_zones_cost_what_each_of_them_costs_alone():
+    rng = np.random.default_rng(4)
+    zones = []
+    for x, y, turn in rng.uniform([-8, -8, 0], [8, 8, 6], (30, 3)).tolist():
+        cos, sin = math.cos(turn), math.sin(turn)
+        path = shapely.LineString([(x - 2 * cos, y - 2 * sin), (x + 2 * cos, y + 2 * sin)])
+        zones.append(Zone("one-way", path.buffer(0.8, cap_style="flat"), path=path))
+    for ahead, left in (rng.uniform(-9, 9, (2, 2)) for _ in range(10)):
+        trajectory = line_of_against_flow(ahead, left)
+        assert cost(trajectory, *zones) == pytest.approx(sum(cost(trajectory, zone) for zone in zones), abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_squares_of_the_grid_have_the_shares_that_shapely_gives_each_of_them(seed):
+    rng = np.random.default_rng(seed)
+    area = shapely.union_all([shapely.Point(*rng.uniform(-4, 4, 2)).buffer(rng.uniform(0.1, 2)) for _ in range(4)])
+    area = shapely.difference(area, shapely.Point(0, 0).buffer(1))
+    ((_, inside),) = speed_limits(ROOM.with_content(zones=[Zone("speed", area, limit=1.0)]))
+    x, y = np.meshgrid(*(inside.origin[i] + inside.spacing * np.arange(inside.values.shape[1 - i]) for i in (0, 1)))
+    half = 0.5 * inside.spacing
+    squares = shapely.box(x - half, y - half, x + half, y + half)
+    assert inside.values == pytest.approx(
+        shapely.area(shapely.intersection(squares, area)) / inside.spacing**2, abs=1e-9
+    )
 
 
 @pytest.mark.parametrize("turn", [0.0, 0.7, 4.0])

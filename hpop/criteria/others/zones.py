@@ -9,8 +9,8 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import Column, FloatArray
-from hpop.base.math import smooth_abs
+from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.math import is_symbolic, smooth_abs
 from hpop.criteria.base import criterion
 from hpop.criteria.others import base_velocity
 from hpop.motions import Instants, Motions
@@ -18,6 +18,8 @@ from hpop.runtime import limits
 from hpop.world import World
 from hpop.world.content.content import Zone
 from hpop.world.fields.field import Field, grid_points
+
+Flow = tuple[Field, Field, tuple[float, float, float, float]]
 
 
 @criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("base", "one-way zones"))
@@ -38,12 +40,20 @@ class AgainstFlow:
         """Return for each motion (M,) its velocity component against one-way zones, integrated over time, m."""
         if m.base.stays:
             return 0.0 * m.base.start.x  # a turn in place moves in no direction
-        flows = one_way_flows(m.world)
+        flows = _flows(m.world)
 
         def against(s: Instants) -> Column:
             x, y = s.base.x, s.base.y
             vx, vy = base_velocity(m, s)
-            return sum(np.maximum(-(vx * ahead(x, y) + vy * left(x, y)), 0.0) for ahead, left in flows)
+            if is_symbolic(x):
+                return sum(np.maximum(-(vx * ahead(x, y) + vy * left(x, y)), 0.0) for ahead, left, _ in flows)
+            total = np.zeros(np.broadcast(x, y, vx, vy).shape)
+            x, y, vx, vy = (np.broadcast_to(column, total.shape) for column in (x, y, vx, vy))
+            for ahead, left, (x0, y0, x1, y1) in flows:  # of many zones, a position is in few
+                near = np.nonzero((x > x0) & (x < x1) & (y > y0) & (y < y1))
+                at = x[near], y[near]
+                total[near] += np.maximum(-(vx[near] * ahead(*at) + vy[near] * left(*at)), 0.0)
+            return total
 
         return m.integrate(against)
 
@@ -79,7 +89,13 @@ class Speeding:
 MAX_SAMPLES = 4_000_000
 
 
-ROWS = 1 << 16  # samples per block
+ROWS = 1 << 16  # blocks looked at together
+
+
+FINER = 4  # times as small: the next blocks of squares
+
+
+REACH = 2  # samples about one in which a cubic spline differs from 0
 
 
 SAMPLE = 8  # bytes of a sample
@@ -122,13 +138,18 @@ def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
     The direction is that of the nearest segment of the zone's path. Beyond a corner, where two segments are equally
     near, it is halfway between theirs. Its length is 1 inside the zone and 0 outside.
     """
+    return tuple((ahead, left) for ahead, left, _ in _flows(world))
+
+
+def _flows(world: World) -> tuple[Flow, ...]:
+    """Return the flows of :func:`one_way_flows`, each with the box beyond which it is 0."""
     zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
     key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
     return world.ground.derived(key, lambda: tuple(_flow(world, zone) for zone in zones))
 
 
-def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
-    """Return the allowed direction in one zone, as fields of its x and y components."""
+def _flow(world: World, zone: Zone) -> Flow:
+    """Return the allowed direction in one zone: its x and y components, and the box beyond which they are 0."""
     xs, ys = _grid(world, zone.area)
     shares = _shares(zone.area, xs, ys)
     limits.hold(ZONES, xs.size * ys.size * SAMPLE, xs.size * ys.size * POINT)
@@ -138,17 +159,31 @@ def _flow(world: World, zone: Zone) -> tuple[Field, Field]:
     steps, lengths = steps[lengths > 0], lengths[lengths > 0]
     ahead = steps / lengths[:, None]  # (segments, 2)
     ends = np.cumsum(lengths)
-    x, y = np.meshgrid(xs, ys)
-    along = shapely.line_locate_point(zone.path, shapely.points(x, y))
+    used = np.nonzero(shares)
+    along = shapely.line_locate_point(zone.path, shapely.points(xs[used[1]], ys[used[0]]))
     slack = SAME_PLACE * ends[-1]
     before, after = (
         np.minimum(np.searchsorted(ends, along + shift, side="right"), lengths.size - 1) for shift in (-slack, slack)
     )
-    mean = ahead[before] + ahead[after]  # (H, W, 2)
+    mean = ahead[before] + ahead[after]  # (N, 2)
     norm = np.hypot(mean[..., 0], mean[..., 1])[..., None]
     # At a corner where a path turns back on itself, no direction is halfway between both: use the next segment's.
     direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
-    return _field(xs, ys, shares * direction[..., 0]), _field(xs, ys, shares * direction[..., 1])
+    right, up = np.zeros_like(shares), np.zeros_like(shares)
+    right[used], up[used] = shares[used] * direction[:, 0], shares[used] * direction[:, 1]
+    box = [_ends(at, index) for at, index in zip((xs, ys), used[::-1], strict=True)]
+    bounds = (box[0][0], box[1][0], box[0][1], box[1][1])
+    return _field(xs, ys, right), _field(xs, ys, up), bounds
+
+
+def _ends(at: FloatArray, used: IntArray) -> tuple[float, float]:
+    """Return between which coordinates a field differs from 0, from the indices of its samples that do.
+
+    A spline reaches two samples farther. If these are not on the grid, whose border values count beyond it, the end is
+    infinite.
+    """
+    low, high = int(used.min(initial=at.size)) - REACH, int(used.max(initial=-1)) + REACH
+    return float(at[low]) if 0 <= low < at.size else -np.inf, float(at[high]) if 0 <= high < at.size else np.inf
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:
@@ -167,18 +202,39 @@ def _field(xs: FloatArray, ys: FloatArray, values: FloatArray) -> Field:
 
 
 def _shares(area: BaseGeometry, xs: FloatArray, ys: FloatArray) -> FloatArray:
-    """Return which share (H, W), 0 to 1, of the grid square about each sample lies in an area."""
+    """Return which share (H, W), 0 to 1, of the grid square about each sample lies in an area.
+
+    Blocks of squares that lie in the area or beside it as a whole are found first.
+    """
     half = 0.5 * float(xs[1] - xs[0])
     limits.hold(ZONES, xs.size * ys.size * SAMPLE)
     shapely.prepare(area)
-    inside = np.empty((ys.size, xs.size))
-    step = max(1, ROWS // xs.size)
-    for begin in range(0, ys.size, step):
-        limits.check(ZONES)
-        x, y = np.meshgrid(xs, ys[begin : begin + step])
-        squares = shapely.box(x - half, y - half, x + half, y + half)
-        shares = np.where(shapely.contains_properly(area, squares), 1.0, 0.0)
-        border = shapely.intersects(area, squares) & (shares == 0)
-        shares[border] = shapely.area(shapely.intersection(area, squares[border])) / (4.0 * half * half)
-        inside[begin : begin + step] = np.clip(shares, 0.0, 1.0)
-    return inside
+    inside = np.zeros((ys.size, xs.size))
+    rows, columns = np.zeros(1, dtype=np.int64), np.zeros(1, dtype=np.int64)  # of the first square of each block
+    size = max(xs.size, ys.size)
+    while True:
+        open_rows, open_columns = [], []
+        for begin in range(0, rows.size, ROWS):
+            limits.check(ZONES)
+            row, column = rows[begin : begin + ROWS], columns[begin : begin + ROWS]
+            last_row, last_column = np.minimum(row + size, ys.size) - 1, np.minimum(column + size, xs.size) - 1
+            blocks = shapely.box(xs[column] - half, ys[row] - half, xs[last_column] + half, ys[last_row] + half)
+            whole = shapely.contains_properly(area, blocks)
+            for i in np.flatnonzero(whole).tolist():
+                inside[row[i] : last_row[i] + 1, column[i] : last_column[i] + 1] = 1.0
+            border = np.flatnonzero(~whole)
+            border = border[shapely.intersects(area, blocks[border])]
+            if size == 1:
+                parts = shapely.area(shapely.intersection(area, blocks[border])) / (4.0 * half * half)
+                inside[row[border], column[border]] = np.clip(parts, 0.0, 1.0)
+            open_rows.append(row[border])
+            open_columns.append(column[border])
+        if size == 1:
+            return inside
+        before, size = size, max(1, -(-size // FINER))
+        steps = np.arange(0, before, size)
+        rows, columns = (np.concatenate(each) for each in (open_rows, open_columns))
+        rows = (rows[:, None, None] + steps[:, None] + 0 * steps).ravel()
+        columns = (columns[:, None, None] + 0 * steps[:, None] + steps).ravel()
+        within = (rows < ys.size) & (columns < xs.size)
+        rows, columns = rows[within], columns[within]
