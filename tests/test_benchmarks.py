@@ -5,6 +5,8 @@ from __future__ import annotations
 import importlib
 import json
 import math
+import subprocess
+import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -214,3 +216,15 @@ def test_an_unwound_picture_does_not_rotate_and_is_predicted_to_sicken_less(modu
     rows = {row["criterion"]: row for row in module("ratings").unwound(step=1.0).rows()}
     assert rows["rotation"]["unwound"] == 0.0 < rows["rotation"]["coupled"]
     assert rows["sickness"]["unwound"] < rows["sickness"]["coupled"]
+
+
+@pytest.mark.proof
+@pytest.mark.skipif(sys.platform != "linux", reason="the goal is that of Linux: libraries take other memory elsewhere")
+@pytest.mark.parametrize("case", ["Case(0.5, 6, 'any', 0.01)", "Case(0.25, 4, 'any')"])
+def test_tours_take_at_most_a_third_of_the_memory_of_copied_layers(case):
+    command = f"import tours; print(tours.measured(tours.{case})['process_mb'])"
+    for _ in range(2):  # the first process may compile code, which takes memory of its own
+        run = subprocess.run(
+            [sys.executable, "-c", command], cwd=BENCHMARKS, capture_output=True, text=True, check=True
+        )
+    assert float(run.stdout) <= 1100 / 3  # a prototype with copied layers took 1,100 MB

@@ -20,7 +20,6 @@ from hpop.errors import ModelError, UnsupportedModel
 from hpop.models.collision import Part
 from hpop.models.collision.leaving import planar_collision
 from hpop.models.collision.planar import PlanarCollision
-from hpop.models.collision.solid import SolidCollision
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.joints import (
     Joint,
@@ -52,6 +51,7 @@ from hpop.motions.laws import follows
 from hpop.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
+    from hpop.models.collision.solid import SolidCollision
     from hpop.world import World
 
 __all__ = ["Joint", "Mount", "Part", "PlanarModel", "model", "plane_space"]
@@ -265,6 +265,8 @@ class PlanarModel(Model):
 
     def judge(self, world: World) -> SolidCollision:
         """Return the collision test for verification: python-fcl at states at most 5 cm or 3 degrees apart."""
+        from hpop.models.collision.solid import SolidCollision  # slow to import
+
         return SolidCollision(self.parts, world.for_robots)
 
     def execution(self, trajectory: Trajectory) -> tuple[Trajectory, FloatArray]:

@@ -16,7 +16,6 @@ from hpop.errors import ModelError, QueryError
 from hpop.models.base import PlanarModel, model
 from hpop.models.collision import Part as Prism
 from hpop.models.collision.planar import PlanarCollision
-from hpop.models.collision.solid import SolidCollision
 from hpop.models.differential_drive import DifferentialDrive, OnBase
 from hpop.models.execution import rest_to_rest_execution
 from hpop.models.joints import legs_of_joints
@@ -385,6 +384,8 @@ class MobileArm(OnBase, Model):
 
     def judge_by(self, library: str, world: World) -> BaseAndLinks:
         """Return :meth:`judge` with distances of the links by a library: "fcl" or "coal"."""
+        from hpop.models.collision.solid import SolidCollision  # slow to import
+
         given, kept = self._in_world(world), self.arm.kept
         links = LinksJudge(*given) if kept is None else KeepingLinksJudge(*given, kept)
         return BaseAndLinks(SolidCollision(self.platform, world), replace(links, library=library))

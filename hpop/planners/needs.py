@@ -12,7 +12,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal, cast
 
 import numpy as np
-from scipy import ndimage, sparse
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.base.registry import graphs, planners
@@ -310,6 +309,8 @@ class FreeMap:
     @cached_property
     def parts(self) -> IntArray:
         """Number (h, w) of the connected part of free space at each position: 1, 2, ...; 0 where it is not free."""
+        from scipy import ndimage  # slow to import
+
         labels, _ = ndimage.label(self.free)
         return np.asarray(labels, dtype=np.int64)
 
@@ -363,6 +364,8 @@ class FreeMap:
         One is the position farthest from an arbitrary one, and the other is the position farthest from that. Both have
         additional clearance if possible. Some position of the map must be free.
         """
+        from scipy import ndimage  # slow to import
+
         inside = self.parts == (part or self.main)
         roomy = ndimage.distance_transform_edt(inside) * self.pitch >= ROOM
         roomy_nodes = np.flatnonzero((roomy if roomy.any() else inside)[inside])
@@ -375,6 +378,8 @@ class FreeMap:
 
 def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
     """Return a graph that joins True positions side by side in a grid, and the row and column (n, 2) of each node."""
+    from scipy import sparse  # slow to import
+
     cells = np.argwhere(inside)
     number = np.full(inside.shape, -1)
     number[inside] = np.arange(len(cells))
@@ -388,5 +393,7 @@ def _neighbour_graph(inside: BoolArray) -> tuple[Any, IntArray]:
 
 def _steps(graph: Any, source: int) -> FloatArray:
     """Return the number of edges (n,) on the shortest path from node ``source`` to each node; -1 without a path."""
-    steps = sparse.csgraph.dijkstra(graph, directed=False, indices=np.array([source]), unweighted=True)[0]
+    from scipy.sparse.csgraph import dijkstra  # slow to import
+
+    steps = dijkstra(graph, directed=False, indices=np.array([source]), unweighted=True)[0]
     return np.where(np.isfinite(steps), steps, -1.0)

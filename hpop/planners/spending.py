@@ -7,12 +7,13 @@ order: the graph is equal, bit for bit, for any number of cores.
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from itertools import islice
 from time import perf_counter
@@ -265,6 +266,12 @@ def _resident_bytes() -> int:
             return int(sizes.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, AttributeError):
         return 0
+
+
+def return_freed_memory() -> None:
+    """Return memory to the system that threads have freed, of which the C library of Linux keeps some for each."""
+    with suppress(OSError, TypeError, AttributeError):  # other C libraries lack the function
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 def _compiling_seconds() -> float:

@@ -22,7 +22,6 @@ from functools import cached_property
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.special import expit
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import FloatArray, IntArray
@@ -252,6 +251,8 @@ class FitCheck:
 
         Rows that the second model does not consider have minus infinity.
         """
+        from scipy.special import expit  # slow to import
+
         others = self._known.others
         probability = _probabilities(self._known.of_others)
         likely = np.argsort(-probability)[:LIKELY]

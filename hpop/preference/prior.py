@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from math import log
 
 import numpy as np
-from scipy.special import gammaln
 
 from hpop.base.arguments import checked_arguments
 from hpop.base.arrays import BoolArray, FloatArray
@@ -192,6 +191,8 @@ def log_dirichlet(shares: FloatArray, concentrations: FloatArray) -> FloatArray:
 
     concentrations  (..., f)
     """
+    from scipy.special import gammaln  # slow to import
+
     cared_for = shares > 0
     logs = np.log(np.where(cared_for, shares, 1.0))
     each = np.where(cared_for, concentrations, 0.0)

@@ -13,7 +13,6 @@ from math import log
 from typing import Self
 
 import numpy as np
-from scipy.special import expit
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.preference.answers import LAPSE
@@ -83,12 +82,16 @@ class Tastes:
 
     def log_probability(self, chosen: FloatArray, other: FloatArray) -> FloatArray:
         """Return the logarithm of the probability (N,) of choices: points (n, f) that were chosen, and the others."""
+        from scipy.special import expit  # slow to import
+
         gains = self.sharpness[:, None] * (self.losses(other) - self.losses(chosen))
         return np.asarray(np.log(LAPSE / 2 + (1.0 - LAPSE) * expit(gains)).sum(axis=1))
 
 
 def _felt(kind: int, costs: FloatArray, wanted: FloatArray, shape: FloatArray) -> FloatArray:
     """Return what people (n, 1) of a kind feel of a cost (m,), before its weight."""
+    from scipy.special import expit  # slow to import
+
     match kind:
         case 0:
             return np.maximum(costs - wanted, 0.0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError, Executor, Future
 from contextlib import contextmanager
@@ -34,6 +33,8 @@ class _Cluster(Executor):
 
     async def _has_scheduler(self) -> bool:
         """Return True if the scheduler answers. The client may notice later than its jobs that it does not."""
+        import asyncio  # slow to import
+
         try:
             await asyncio.wait_for(self._client.scheduler.identity(), CONNECT)
         except Exception:  # errors of a lost connection have many types

@@ -20,7 +20,15 @@ ROOM = ONE_WALL.replace("step: 0.25", "step: 0.25, time_limit: 5")
 #: What the first answer takes, what the exact front does, and what later first answers do, as far as it is compiled.
 FIELDS = {"nearest", "ball_volumes", "_primitive", "spline", "_weights"}
 SEARCH = {"number_groups", "separate_turns", "write_turn_costs", "no_dearer_than_two", "fill_tables", "advance"}
-SEARCH |= {"trace_paths", "copy_to_double_width", "pack_arcs", "settle_groups", "append_group", "remove_group"}
+SEARCH |= {
+    "trace_paths",
+    "node_of",
+    "copy_to_double_width",
+    "pack_arcs",
+    "settle_groups",
+    "append_group",
+    "remove_group",
+}
 SEARCH |= {"costs_of_least_path", "open_next", "sift_down", "least_covered", "lower", "enter_stairs"}
 AHEAD = {
     "arcs_onward",

@@ -11,9 +11,7 @@ from functools import cached_property
 from itertools import combinations, product
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
-import fcl
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from hpop.base.arrays import BoolArray, FloatArray
 from hpop.base.options import one_of
@@ -230,6 +228,8 @@ class ArmJudge:
 
 def joint_frames(chain: Chain, rows: FloatArray) -> list[FloatArray]:
     """Return the poses in the world (S, 4, 4) of the frames 0 to n of a chain, at joint values (S, n)."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
     frames = [np.broadcast_to(np.eye(4), (len(rows), 4, 4))]
     for k, (origin, axis) in enumerate(zip(chain.origins, chain.axes, strict=True)):
         moved = np.broadcast_to(np.eye(4), (len(rows), 4, 4)).copy()
@@ -272,31 +272,35 @@ class _Library(Protocol):
 class _Fcl:
     """Distances by python-fcl."""
 
-    _request = fcl.DistanceRequest()
+    def __init__(self) -> None:
+        import fcl  # slow to import
+
+        self._fcl = fcl
+        self._request = fcl.DistanceRequest()
 
     def placed(self, solid: Solid, pose: FloatArray) -> Any:
-        return fcl.CollisionObject(self._shape(solid), self._transform(pose))
+        return self._fcl.CollisionObject(self._shape(solid), self._transform(pose))
 
     def move(self, one: Any, pose: FloatArray) -> None:
         one.setTransform(self._transform(pose))
 
     def distance(self, one: Any, other: Any) -> float:
-        return float(fcl.distance(one, other, self._request, fcl.DistanceResult()))
+        return float(self._fcl.distance(one, other, self._request, self._fcl.DistanceResult()))
 
     def _transform(self, pose: FloatArray) -> Any:
-        return fcl.Transform(pose[:3, :3], pose[:3, 3])
+        return self._fcl.Transform(pose[:3, :3], pose[:3, 3])
 
     def _shape(self, solid: Solid) -> Any:
         match solid.shape:
             case Box(size=size):
-                return fcl.Box(*size)
+                return self._fcl.Box(*size)
             case Cylinder(radius=radius, length=length):
-                return fcl.Cylinder(radius, length)
+                return self._fcl.Cylinder(radius, length)
             case Sphere(radius=radius):
-                return fcl.Sphere(radius)
+                return self._fcl.Sphere(radius)
             case Hull(points=points, triangles=triangles):
                 faces = np.column_stack([np.full(len(triangles), 3), triangles])
-                return fcl.Convex(np.array(points), len(triangles), faces.ravel())
+                return self._fcl.Convex(np.array(points), len(triangles), faces.ravel())
 
 
 class _Coal:

@@ -8,8 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import breadth_first_order
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, distinct
 from hpop.base.options import LEAST, MOST, set_reals
@@ -211,6 +209,9 @@ class PrimitiveLattice(ConfigurationRoadmap):
 
     def _other_headings(self, start: int, goals: list[int]) -> FloatArray:
         """Return by how much (N,), rad, the headings differ from a goal's in which the start reaches its position."""
+        from scipy.sparse import csr_array  # on first use: the import takes its time
+        from scipy.sparse.csgraph import breadth_first_order
+
         arcs = csr_array((np.ones(self.arcs.heads.size, np.int8), self.arcs.heads, self.arcs.start), (self.size,) * 2)
         reached = self.states(breadth_first_order(arcs, start, return_predecessors=False).astype(np.int64))
         found = []

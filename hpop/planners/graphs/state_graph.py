@@ -21,9 +21,10 @@ from hpop.base.arrays import BoolArray, IntArray, copied
 from hpop.criteria.base import Criterion
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.motions.laws import SPEED
-from hpop.planners.graphs.arcs import MOVE, Arcs, Counts, Quanta, blocks, table
+from hpop.planners.graphs.arcs import BLOCK, MOVE, Arcs, Counts, Quanta, blocks, table
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph, aggregates
 from hpop.planners.objectives import motion_quanta
+from hpop.planners.spending import return_freed_memory
 from hpop.runtime import limits
 from hpop.search import Graph
 from hpop.search.extended import CompactGraph
@@ -311,6 +312,8 @@ class StateGraph(TrajectoryGraph):
         for part, counts in self.spending.each(costs, blocks(size) if missing else (), f"{self.words} was built"):
             for column, count in zip(made, counts, strict=True):
                 column.write(part, count)
+        if missing and size > BLOCK:
+            return_freed_memory()
         for j, column in zip(missing, made, strict=True):
             column.counts.setflags(write=False)
             columns[j] = column.counts

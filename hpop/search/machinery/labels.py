@@ -176,6 +176,19 @@ def layer_of(node: int, shared: Any) -> int:
     return 0 if layers == 1 or node < n else min(node // n, layers - 1)
 
 
+@lean
+def node_of(arc: int, start: IntArray) -> np.int64:
+    """Return the node that an arc leaves; ``start`` (n + 1,) has the offsets of the arcs of each node."""
+    node, beyond = np.int64(0), np.int64(len(start) - 1)
+    while beyond - node > 1:
+        middle = (node + beyond) >> 1
+        if start[middle] <= arc:
+            node = middle
+        else:
+            beyond = middle
+    return node
+
+
 @kernel
 def retrace(
     values: IntArray,

@@ -386,8 +386,7 @@ class Staircase(JointSearch):
     def paths(self, labels: IntArray, clock: Clock) -> list[IntArray]:
         """Return the path of each solution label, as indices of arcs in the graph, from the source on."""
         graph, groups = self.graph, self.groups
-        tails = np.repeat(np.arange(len(groups.nodes), dtype=np.int32), np.diff(self.start))
-        arcs = (*graph.rows_of_turns(self.order[1]), tails, self.heads, self.origin)
+        arcs = (*graph.rows_of_turns(self.order[1]), self.start, self.heads, self.origin)
         arrays = (*arcs, groups.nodes, self.closed, self.source, np.maximum(labels, 0))
         ends, steps = np.empty(len(labels), np.int64), np.empty(STEPS * len(labels), np.int64)
         size = clock.call(trace_paths, *arrays, ends, steps)

@@ -15,12 +15,12 @@ from numpy.typing import NDArray
 from hpop.base.arrays import BoolArray, IntArray
 from hpop.runtime.compiled import kernel, lean
 from hpop.search.machinery.bounds import UNREACHABLE
+from hpop.search.machinery.labels import node_of
 from hpop.search.machinery.slices import N_ROWS, Clock
 from hpop.search.machinery.turns import OFFSET, SIZE, TURNS, Groups
 
 HEAD, FIRST, INDEX, REST, ARC_COLUMNS = range(5)
-# Columns of the table of nodes: three lower bounds, and the group (~group for a target). A row has 16 bytes, as memory
-# access limits the speed.
+# Columns of the table of nodes: three lower bounds, and the group (~group for a target). Rows have 16 bytes, for speed.
 H_FIRST, H_INDEX, H_REST, GROUP, NODE_COLUMNS = range(5)
 # Columns of the table of groups: first row of the staircases (-1: none yet), first node, number of nodes, dearest turn.
 ROW, BEGIN, SLOTS, DEAREST, GROUP_COLUMNS = range(5)
@@ -162,7 +162,7 @@ def trace_paths(
     is_raised: BoolArray,
     first: IntArray,
     count: int,
-    arc_tails: NDArray[np.int32],
+    start: IntArray,
     arc_heads: NDArray[np.int32],
     origin: NDArray[np.int32],
     nodes: IntArray,
@@ -181,7 +181,7 @@ def trace_paths(
     indptr, heads         arcs of one layer that include the turns of groups
     is_raised             (m,)  mask of those arcs that raise the index cost
     first, count          (n + 1,) offsets of all arcs of all layers, of which a node has these first; nodes of a layer
-    arc_tails, arc_heads, origin  nodes of the plain arcs, and their indices in the graph
+    start, arc_heads, origin  plain arcs: offsets of those of each node, heads, and indices in the graph
     nodes                 (n,)  node of the graph for each node of the search
     closed, source        closed labels, to which labels refer as parents; node at which paths begin
     """
@@ -196,7 +196,7 @@ def trace_paths(
                 if size < len(steps):
                     steps[size] = origin[a]
                 size += 1
-                tail = np.int64(arc_tails[a])
+                tail = node_of(a, start)
             label = closed[(label >> 32) - 1]
             at = np.int64(arc_heads[(label & 0xFFFFFFFF) - 1]) if label != 0 else source
             if at != tail:

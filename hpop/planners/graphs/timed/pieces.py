@@ -12,7 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from scipy.special import ndtri
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.models.collision import Part
@@ -187,7 +186,7 @@ def to_parts(parts: Sequence[Part], yaw: FloatArray, corners: Sequence[Place]) -
 
 
 RISK = 0.05  # accepted probability that a person with an uncertain position is too near, at any moment
-SIGMAS = float(-ndtri(RISK))  # a normal variable exceeds this many standard deviations with probability RISK
+SIGMAS = 1.6448536269514729  # a normal variable exceeds this many standard deviations with probability RISK
 HALVINGS = 30
 TABLE = 257  # number of standard deviations for which a distance is tabulated
 SMALLEST = 0.02  # smallest of them, as a share of the disc's radius; below it, the disc is replaced by a half-plane

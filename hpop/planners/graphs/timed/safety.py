@@ -27,7 +27,6 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
@@ -208,6 +207,8 @@ class Safety:
 
     def cut(self, x: FloatArray, y: FloatArray, horizon: int) -> BoolArray:
         """Return at which ticks, up to a horizon H, the robot must not stand at places (P,): a mask (P, H + 1)."""
+        from scipy.spatial import KDTree  # slow to import
+
         cut = np.zeros((x.size, horizon + 1), dtype=bool)
         ticks = np.arange(horizon + 1)
         lasts = np.ones_like(ticks)
@@ -255,6 +256,8 @@ class Safety:
 
         They come in blocks of two arrays (N,): indices of pieces, and departure ticks of the arcs of these pieces.
         """
+        from scipy.spatial import KDTree  # slow to import
+
         seconds = self.clock.seconds(np.arange(horizon + 1))
         need = self.needed(person, seconds, self.margin)
         near = float(self._axis(person, need).max()) + self.stray
