@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import re
-import sqlite3
 import warnings
 from collections.abc import Hashable, Sequence
 from contextlib import closing
@@ -154,6 +153,8 @@ def jupedsim_tracks(data: bytes, source: TrackFile, wanted: Sequence[Hashable] |
     Table ``trajectory_data`` has a row per agent and frame (frame, id, pos_x m, pos_y m); table ``metadata`` has the
     frame rate under the key ``fps`` (https://www.jupedsim.org). Triggers and views of the database are never run.
     """
+    import sqlite3  # slow to import
+
     try:
         with closing(sqlite3.connect(":memory:")) as base:
             base.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, max(LONGEST, len(data)))
