@@ -249,8 +249,8 @@ class WeightedSum:
             return lattice
         if lattice != LatticeGraph():
             raise OptionError(
-                "step, headings and corner_cutting are options of the lattice, which `on` replaces; leave `on` out, or "
-                "give only the options of the graph family inside `on`"
+                "step, headings and corner_cutting are options of the default lattice, which `on` replaces: give these "
+                'options or `on`, not both. Options of the graph belong inside `on`, such as {"lattice": {"step": 0.5}}'
             )
         return make_family(self.on)
 

@@ -87,7 +87,7 @@ class PathServer(protocol.MessageServer):
         return protocol.greetings(self.known)
 
     def farewells(self) -> list[Message]:
-        """Return the messages that withdraw the action and the topics."""
+        """Return the rosbridge messages that withdraw the action and topics, sent before a connection is closed."""
         return protocol.farewells(self.known)
 
     def lost(self) -> None:

@@ -3,7 +3,8 @@
 The guard lets a request pass only if it names one of the server's own hosts and was not sent by a page of another
 origin. The first rule prevents DNS rebinding, by which another page in the browser pretends to come from this server. A
 request that is not complete within :data:`READING` seconds is dropped. If there are more than :data:`CONNECTIONS`
-connections, the oldest incomplete one is dropped. A refusal tells nothing about the address but its name and port.
+connections, the oldest incomplete one is dropped. The text of a refusal never contains the secret token of the
+server's pages; of their address it has at most the host name and the port.
 """
 
 from __future__ import annotations

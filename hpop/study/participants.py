@@ -135,10 +135,14 @@ def checked_departures(people: Sequence[Participant], left: Sequence[Departure])
     for i, departure in enumerate(left):
         known = {participant_id(number) for number in range(1, len(people) + i + 1)}
         known -= {earlier.participant for earlier in left[:i]}
-        if departure.participant not in known or departure.successor != participant_id(len(people) + i + 1):
+        if departure.participant not in known:
             raise StudyError(
-                f"{departure.successor} cannot take the place of {departure.participant}: expected a participant who "
-                f"has not left, and {participant_id(len(people) + i + 1)} as the next id"
+                f"{departure.participant} cannot leave the study: expected a participant of the study who has not left"
+            )
+        if departure.successor != (following := participant_id(len(people) + i + 1)):
+            raise StudyError(
+                f"the successor of {departure.participant} must have the next free id, {following}; got "
+                f"{departure.successor}"
             )
 
 

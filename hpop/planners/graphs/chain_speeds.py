@@ -156,7 +156,7 @@ class ChainSpeedGraph(WrappedGraph):
         return arc, of_class
 
     def _ends(self) -> tuple[IntArray, IntArray]:
-        """Return the first and the last configurations (a,) of all chains."""
+        """Return the indices of the configurations at which chains begin, and at which they end: two arrays (a,)."""
         tails, heads = self.inner.arcs.ends(slice(0, self.inner.arcs.heads.size))
         return tails[self._offered[0]], heads[self._offered[0]]
 

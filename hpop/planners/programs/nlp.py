@@ -198,9 +198,10 @@ class _Moment(Motions):
 
 
 def moments(motions: Motions) -> list[Motions]:
-    """Return copies of motions, one for each sampled moment: the start, middle and end of each phase.
+    """Return copies of the motions, three for each phase: for its start, its middle and its end.
 
-    A criterion that takes the maximum over a motion returns for each copy its value at that moment.
+    Each copy has the motions unchanged, in full length. But where a criterion takes the maximum over a motion, a copy
+    gives it the value at the moment of the copy. The end of a phase and the start of the next phase are two copies.
     """
     m = motions
     return [

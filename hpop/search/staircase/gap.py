@@ -1,15 +1,20 @@
-"""Gap of a stopped staircase search, proven by bounds for each number of further turns.
+"""Gap of a stopped staircase search: a proven bound on how far its front is from the exact front.
+
+Vectors have three costs: the first cost, the number of turns, and the rest cost. A gap is relative, and one number for
+the whole search: for each path, the front has a vector that is at most 1 + gap times the path's vector in every cost.
 
 An open label (partial path) has one estimate f: the least of each cost alone over all paths that begin with it. The
 path with the fewest turns and the path with the least rest cost are mostly different, so no path comes near f, and the
 gap to f can be 1 where the true gap is 0.2. The bounds h_m of :func:`.staircase.tables.costs_by_turns` tell more. Let a
 label have n turns and the rest cost d so far. A path with m further turns has n + m turns in all, and a rest cost of at
-least d + h_m. So one estimate for each m, instead of f, bounds all paths that begin with the label. Estimates that the
-staircase of the solutions covers are left out: nothing is missing there.
+least d + h_m. So one estimate for each m, instead of f, bounds all paths that begin with the label. The gap is the
+largest that any of these estimates leaves. Estimates that the staircase of the solutions covers are left out: there the
+front lacks nothing.
 
-A search within a precision has joint bounds (:mod:`.turn_hull`) instead. They bound first and rest cost together, so
-their gap is found by halving: a gap is proven if they show that the front, each vector divided by 1 + gap, covers all
-paths through open labels (:func:`.staircase.labels.may_improve`).
+A search within a precision has other bounds (:mod:`.turn_hull`), on weighted sums of the first and the rest cost. They
+give no estimate of each cost, so the gap cannot be read from them, but a given gap can be tested: divide each vector of
+the front by 1 + gap. If the result covers all paths through open labels (:func:`.staircase.labels.may_improve`), the
+gap is proven. The least gap that passes this test is found by bisection.
 """
 
 from __future__ import annotations

@@ -61,7 +61,11 @@ class _Rings:
         return {"first": first, "count": len(self._rings) - first}
 
     def packed(self, packer: Packer, origin: tuple[float, float]) -> dict[str, Any]:
-        """Return the packed table: coordinates of the corners, and the number of corners of each ring."""
+        """Add the columns of the table to ``packer``, and return the position of each column there.
+
+        x, y    corners of all rings, one ring after the other, in whole mm from ``origin`` (x, y), m
+        counts  number of corners of each ring
+        """
         points = np.concatenate([np.zeros((0, 2)), *self._rings])
         x, y = (packer.integers(column, order=1) for column in millimetres(points, origin).T)
         return {"x": x, "y": y, "counts": packer.integers([len(ring) for ring in self._rings])}

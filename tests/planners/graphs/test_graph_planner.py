@@ -75,7 +75,7 @@ def test_on_a_lattice_they_are_what_they_are_with_its_options() -> None:
         ({"on": {"roadmap": {"sampels": 3}}}, "graph 'roadmap' has no option 'sampels'"),
         (
             {"on": "roadmap", "step": 0.5},
-            "step, headings and corner_cutting are options of the lattice, which `on` replaces",
+            "step, headings and corner_cutting are options of the default lattice, which `on` replaces: .*, not both",
         ),
         ({"on": 7}, "a graph must be given as a name"),
     ],
