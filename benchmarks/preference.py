@@ -7,9 +7,9 @@ which is the answer before it, the next pair and whether to go on (median and mo
 best row; and the regret after 25 questions, a share of what the rows cost such a person. The museum's front is planned;
 the other ones are made by a seed. People are drawn from the prior, without those who answer just anything.
 
-With --fit N it measures instead the test whether a weighted sum fits: N people with a weighted sum, and N whose taste
-is none and to whom the proposed row is a loss of over a tenth of their range; in the museum, and on eight convex fronts
-of 158 random points. Everybody errs as the model says. A line for each person goes to FILE too, so that shares at
+With --fit N it measures instead the test whether a weighted sum fits. N simulated people decide by a weighted sum. N
+others have another taste, and lose over a tenth of their range by the proposed row. The fronts are that of the museum
+and eight convex ones of 158 random points. All people err as the model says. A line for each person goes to FILE too, so that shares at
 other limits of doubt can be computed.
 """
 

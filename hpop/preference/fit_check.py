@@ -8,7 +8,7 @@ people remain in it whose loss by the best row is over a tenth of their range.
 Each question of the test compares the best row with a challenger: the row whose probability to win by the second model
 is the most above that by the weighted sum. The *doubt* is the logarithm of the ratio of the probabilities of all
 answers, by the second model to the weighted sum (a likelihood ratio of mixtures). Above :data:`MOST_DOUBT` the weighted
-sum does not fit. A test whose doubt is clear ends early, so that more questions are left for those of whom it is not.
+sum does not fit. A test with a clear doubt ends early; a test without one asks more questions.
 
 On a convex front every row is best for some weights, so that answers also move the weights; therefore both models are
 compared by all answers, those before the test as well.

@@ -224,7 +224,7 @@ def test_a_view_of_two_arms_turns_as_that_of_the_viewing_arm_alone(turning: Any)
 
 
 def test_near_upside_down_a_level_view_turns_fast_and_a_note_says_so() -> None:
-    """Of random reaches of the arm, those that tilt its camera by over 120 degrees have the note, with their tilt."""
+    """Random reaches of the arm that tilt its camera by over 120 degrees have the note, with their tilt."""
     view = hpop.ViewModel(ARM, "level")
     states = ARM.space.sample(np.random.default_rng(5), 60)
     tilt = np.degrees(np.arccos(np.clip(ARM.pose("camera", states).up[2], -1, 1)))
