@@ -17,6 +17,7 @@ from benchmarks import seeded_fronts as seeded
 from hpop.base.arrays import FloatArray
 from hpop.scenario import load_scenario
 from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.fields.measured import MeasuredField
 from tests.browser import explored
 from tests.browser.conftest import Watched
 from tests.browser.explored import state
@@ -191,6 +192,24 @@ def test_walls_floor_zones_people_landmarks_and_ends_are_where_they_are(plane: M
 
 
 @pytest.mark.proof
+def test_the_floor_is_shaded_by_the_measured_field_of_a_criterion(opened_once: Watched, tmp_path: Path) -> None:
+    """The field grows with y and is 0 outside; the legend says its range."""
+    samples = np.repeat(np.linspace(0.0, 1.0, 9)[:, None], 13, axis=1)
+    field = MeasuredField(samples, 1.0, name="dust", unit="g", outside=0.0)
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 12, 8)).with_fields([field])
+    criteria = ["turns", "length", {"time_below": {"field": "dust", "limit": 0.5, "width": 0.1}}]
+    problem = hpop.Problem(world, hpop.DifferentialDrive(), (1, 4, 0), (11, 4, 0), criteria)
+    page = opened_once(explored.written(problem, front_of(WAYS), tmp_path / "page.html"))
+    explored.until(page, explored.READY)
+    page.evaluate(explored.FRAME)
+    shown = Map(page)
+    low, middle, high = (shown.colour(10, y, "base") for y in (0.5, 3.0, 7.5))
+    yellow = [colour[0] - colour[2] for colour in (low, middle, high)]  # red less blue: sand
+    assert yellow[0] < yellow[1] < yellow[2]
+    assert yellow[2] > 40
+    assert "dust: 0" in page.inner_text(".map")
+
+
 def test_hover_lists_all_that_pass_and_tab_goes_from_one_to_the_next(plane: Map) -> None:
     page = plane.page
     page.mouse.move(*plane.on_screen(6, 7))

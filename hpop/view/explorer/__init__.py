@@ -34,15 +34,17 @@ from hpop.problems.problem import Problem
 from hpop.runtime.limits import Status
 from hpop.view.explorer import along
 from hpop.view.explorer.along import MILLIMETRES, Packer, corners, millimetres
-from hpop.view.ground import View, view_of
+from hpop.view.ground import View, shaded_by, view_of
 from hpop.view.marks import camera_ends, targets_by_name
 from hpop.view.style import Heights, marks, quantities
 from hpop.world import World
 from hpop.world.content.content import Person, Zone
+from hpop.world.fields.measured import MeasuredField
 from hpop.world.files import by_names
 from hpop.world.geometry.shapes import Raster
 
 MOST_CELLS = 2000  # most cells along the longer side of a raster
+FIELD_POINTS = 200  # of a measured field, along the longer side of the map
 MOST_CORNERS = 60_000  # of the outlines of a raster: some 100 kB
 
 
@@ -114,6 +116,7 @@ def world_payload(
         "goals": [goal._asdict() for goal in goals],
         "heights": [heights.low, heights.high],
         "caption": _caption(problem, heights),
+        "field": _field(problem, bounds_of(world, [paths]), packer),
     }
     shown = view_of(problem, [paths] if len(paths) else ())
     corners = [np.array([goal[:2] for goal in (start, *goals)])]
@@ -121,6 +124,28 @@ def world_payload(
         found[name] = [view.x_min, view.y_min, view.x_max, view.y_max]
     found["rings"] = rings.packed(packer, origin)
     return found, notes
+
+
+def _field(problem: Problem, view: View, packer: Packer) -> Mapping[str, Any] | None:
+    """Return the measured field of the problem's first criterion that has one, on a grid over a view; else None.
+
+    Values are whole thousandths of the range over free space, row by row from the lowest y.
+    """
+    field = shaded_by(problem)
+    if not isinstance(field, MeasuredField):
+        return None
+    step = max(view.width, view.height) / FIELD_POINTS
+    columns, rows = (max(1, round(side / step)) for side in (view.width, view.height))
+    x = view.x_min + view.width * (np.arange(columns) + 0.5) / columns
+    y = view.y_min + view.height * (np.arange(rows) + 0.5) / rows
+    X, Y = (at.ravel() for at in np.meshgrid(x, y))
+    values = field(X, Y)
+    free = shapely.contains_xy(problem.world.extent, X, Y)
+    low, high = (float(end(values[free] if free.any() else values)) for end in (np.min, np.max))
+    shares = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)
+    box = [view.x_min, view.y_min, view.x_max, view.y_max]
+    about = {"name": printable(field.name), "unit": printable(field.unit), "low": low, "high": high}
+    return about | {"box": box, "width": columns, "values": packer.short(np.rint(1000.0 * shares))}
 
 
 def _person(person: Person) -> Mapping[str, Any]:

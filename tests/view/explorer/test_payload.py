@@ -14,6 +14,7 @@ from hpop.motions import States
 from hpop.view.explorer import payload
 from hpop.view.single_page import single_page
 from hpop.world.content.content import Landmark, Person, Zone
+from hpop.world.fields.measured import MeasuredField
 from tests.view.explorer.decoder import Page
 from tests.view.explorer.fronts import seeded
 from tests.view.robots import Lift, Reacher
@@ -197,6 +198,31 @@ def test_cells_are_drawn_as_the_areas_that_they_fill(make_front):
     area = page.area(drawn)
     assert (shapely.contains_xy(area, middles) == cells.ravel()).all()
     assert area.area == pytest.approx(cells.sum() * 0.04, rel=1e-3)
+
+
+def test_the_measured_field_of_a_criterion_is_on_a_grid_with_its_range_in_free_space(make_front):
+    samples = np.random.default_rng(4).uniform(-80, -40, (5, 9))
+    wifi = MeasuredField(samples, 1.0, (-0.5, -0.5, 0.0), name="wifi", unit="dBm", outside=-90.0)
+    world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 8, 4)).with_fields([wifi])
+    criteria = ["length", "turns", {"field_exposure": {"field": "wifi", "good": -55.0, "bad": -70.0}}]
+    for chosen in (criteria, criteria[:2]):
+        problem = hpop.Problem(world, hpop.DifferentialDrive(radius=0.1), (1, 1, 0), (7, 3, 0), chosen)
+        page = Page(payload(problem, make_front(problem)))
+        found = page.raw["world"]["field"]
+        assert (found is None) == (chosen != criteria)
+        if found is None:
+            continue
+        assert (found["name"], found["unit"]) == ("wifi", "dBm")
+        shares = page.numbers(found["values"]).reshape(-1, found["width"]) / 1000
+        x0, y0, x1, y1 = found["box"]
+        height, width = shares.shape
+        x, y = np.meshgrid(x0 + (x1 - x0) * (np.arange(width) + 0.5) / width,
+                           y0 + (y1 - y0) * (np.arange(height) + 0.5) / height)  # fmt: skip
+        told = found["low"] + shares * (found["high"] - found["low"])
+        truth = wifi(x.ravel(), y.ravel()).reshape(shares.shape)
+        free = (x > 0) & (x < 8) & (y > 0) & (y < 4)
+        assert np.abs(told - truth)[free].max() <= 0.0006 * (found["high"] - found["low"])
+        assert (found["low"], found["high"]) == (truth[free].min(), truth[free].max())
 
 
 def test_cells_too_ragged_to_be_outlined_are_taken_together_and_a_note_says_so(make_front, monkeypatch):

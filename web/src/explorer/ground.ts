@@ -1,5 +1,5 @@
 // What a map shows besides trajectories: floor, walls, zones under them; people, landmarks, start and goals above.
-import type { Area, End, Landmark, Obstacle, Person, Tour, World, Zone } from "./payload";
+import type { Area, End, Landmark, MeasuredField, Obstacle, Person, Tour, World, Zone } from "./payload";
 import type { Theme } from "./theme";
 import type { Viewport } from "./viewport";
 
@@ -17,6 +17,8 @@ const HATCH = 7; // CSS pixels between the hatch lines of closed areas
 const PITCH = 48; // CSS pixels from one arrow of a one-way zone to the next
 const STOP = 8; // CSS pixels, radius of the disc with a stop's number
 const STOP_COLOUR = "#7a0177"; // as in hpop/view/marks.py
+const SHADE: readonly [number, number, number] = [184, 143, 56]; // sand, as in hpop/view/ground.py, but darker
+const MOST_SHADE = 150; // opacity of the greatest value of a measured field, of 255
 const FONT = "11px system-ui, sans-serif";
 
 /** Size of a canvas, CSS pixels. */
@@ -33,6 +35,8 @@ export class Ground {
   private readonly others: Path2D;
   private readonly closed: Path2D;
   private readonly zones: readonly { readonly zone: Zone; readonly path: Path2D }[];
+  /** Picture of the measured field, the greatest y on top. */
+  private readonly shade: HTMLCanvasElement | null;
 
   constructor(private readonly world: World, private readonly tour: Tour | null) {
     const seen = (one: Obstacle) => isSeen(one, world);
@@ -40,6 +44,7 @@ export class Ground {
     this.walls = pathOf(...world.obstacles.filter(seen).map(({ area }) => area));
     this.others = pathOf(...world.obstacles.filter((one) => !seen(one)).map(({ area }) => area));
     this.closed = pathOf(world.closed);
+    this.shade = world.field && shadeOf(world.field);
     this.zones = world.zones.map((zone) => ({ zone, path: pathOf(zone.area) }));
   }
 
@@ -59,6 +64,7 @@ export class Ground {
     context.fillStyle = theme.paper;
     context.strokeStyle = theme.quiet;
     context.fill(this.floor);
+    if (this.shade !== null) this.drawShade(context, this.shade, this.world.field!);
     context.stroke(this.floor);
     for (const { zone, path } of this.zones) drawZone(context, zone, path, viewport, theme);
     this.hatch(context, viewport, theme, ratio);
@@ -103,6 +109,17 @@ export class Ground {
     context.restore();
   }
 
+  /** Shades the floor by the measured field; the context is in metres, y upwards. */
+  private drawShade(context: CanvasRenderingContext2D, shade: HTMLCanvasElement, { box }: MeasuredField): void {
+    const [left, low, right, high] = box;
+    context.save();
+    context.clip(this.floor);
+    context.translate(left, high);
+    context.scale((right - left) / shade.width, (low - high) / shade.height);
+    context.drawImage(shade, 0, 0);
+    context.restore();
+  }
+
   /** Hatches the areas that are closed to the robot. */
   private hatch(context: CanvasRenderingContext2D, viewport: Viewport, theme: Theme, ratio: number): void {
     if (this.world.closed.length === 0) return;
@@ -122,6 +139,21 @@ export class Ground {
     viewport.transform(context, ratio);
     context.restore();
   }
+}
+
+/** A picture of a field: sand, the more opaque the greater the value. */
+function shadeOf({ width, shares }: MeasuredField): HTMLCanvasElement {
+  const canvas = document.createElement("canvas");
+  canvas.width = width;
+  canvas.height = shares.length / width;
+  const context = canvas.getContext("2d")!;
+  const image = context.createImageData(canvas.width, canvas.height);
+  shares.forEach((share, i) => {
+    const row = canvas.height - 1 - Math.floor(i / width);
+    image.data.set([...SHADE, Math.round(MOST_SHADE * share)], 4 * (row * width + (i % width)));
+  });
+  context.putImageData(image, 0, 0);
+  return canvas;
 }
 
 /** A symbol and what it means. */
@@ -183,6 +215,17 @@ export function legendOf(world: World, tour: Tour | null): Entry[] {
       },
     })),
     {
+      words: world.field === null ? "" : fieldWords(world.field),
+      here: world.field !== null,
+      draw: (context) => {
+        const ramp = context.createLinearGradient(2, 0, 14, 0);
+        ramp.addColorStop(0, `rgb(${SHADE.join(" ")} / 0)`);
+        ramp.addColorStop(1, `rgb(${SHADE.join(" ")} / ${MOST_SHADE / 255})`);
+        context.fillStyle = ramp;
+        context.fillRect(2, 3, 12, 10);
+      },
+    },
+    {
       words: "to be looked at",
       here: world.targets.length > 0,
       draw: (context, theme) => {
@@ -191,6 +234,12 @@ export function legendOf(world: World, tour: Tour | null): Entry[] {
     },
   ];
   return entries.filter(({ here }) => here);
+}
+
+/** "wifi: -80 (clear) to -40 dBm (dark)". */
+function fieldWords({ name, unit, low, high }: MeasuredField): string {
+  const said = (value: number): string => String(Number(value.toPrecision(3)));
+  return `${name}: ${said(low)} (clear) to ${said(high)} ${unit} (dark)`;
 }
 
 /** The part of a viewport that symbols need. */

@@ -131,6 +131,23 @@ export interface World {
   readonly heights: readonly [number, number];
   /** Caption: what the map shows and leaves out. */
   readonly caption: string;
+  /** Measured field that shades the floor; null without a criterion of one. */
+  readonly field: MeasuredField | null;
+}
+
+/** A measured field on a grid of points. */
+export interface MeasuredField {
+  readonly name: string;
+  readonly unit: string;
+  /** Least and greatest value in free space, in the unit. */
+  readonly low: number;
+  readonly high: number;
+  /** x_min, y_min, x_max, y_max, m: of the grid. */
+  readonly box: readonly [number, number, number, number];
+  /** Points in a row; rows begin at the lowest y. */
+  readonly width: number;
+  /** Share of the range from low to high at each point, 0 to 1. */
+  readonly shares: Float64Array;
 }
 
 /** A stop of a tour. */
@@ -222,7 +239,8 @@ interface Payload {
   /** m */
   readonly origin: readonly [number, number];
   readonly paths: { readonly x: Packed; readonly y: Packed; readonly corners: Packed; readonly counts: Packed };
-  readonly world: Omit<World, "extent" | "obstacles" | "closed" | "zones"> & {
+  readonly world: Omit<World, "extent" | "obstacles" | "closed" | "zones" | "field"> & {
+    readonly field: (Omit<MeasuredField, "shares"> & { readonly values: Packed }) | null;
     readonly rings: { readonly x: Packed; readonly y: Packed; readonly counts: Packed };
     readonly extent: PackedArea;
     readonly obstacles: readonly (PackedArea & { readonly z: readonly [number | null, number | null] })[];
@@ -346,7 +364,7 @@ function worldOf(
   numbers: (packed: Packed) => Float64Array | Int32Array | Int16Array,
   metres: (packed: Packed, axis: 0 | 1) => Float64Array,
 ): World {
-  const { rings, ...world } = payload.world;
+  const { rings, field, ...world } = payload.world;
   const x = metres(rings.x, 0);
   const y = metres(rings.y, 1);
   const offsets = sums(numbers(rings.counts));
@@ -357,6 +375,7 @@ function worldOf(
   const area = ({ first, count }: PackedArea): Area => Array.from({ length: count }, (_, k) => ring(first + k));
   return {
     ...world,
+    field: field && { ...field, shares: Float64Array.from(numbers(field.values), (value) => value / 1000) },
     extent: area(world.extent),
     closed: area(world.closed),
     obstacles: world.obstacles.map((one) => ({
