@@ -30,12 +30,12 @@ from hpop.motions import States
 from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import assemble, claim_with_known_paths, memory_limit_notes, search_stats
 from hpop.planners.graphs.query import Query
+from hpop.planners.graphs.timed import Timing
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.notice import MovingPeople
 from hpop.planners.graphs.timed.plans import GraphOnClock, GraphParts
 from hpop.planners.graphs.timed.safety import LEAVING, Safety, Start
-from hpop.planners.graphs.timed.timing import Timing
 from hpop.planners.graphs.timed.tour_layers import TimedTour, timed_tour
 from hpop.planners.graphs.tour import TourGraph
 from hpop.planners.graphs.tour_stops import tour_members

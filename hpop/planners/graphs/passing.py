@@ -23,10 +23,10 @@ from hpop.errors import QueryError
 from hpop.motions import States, is_curve, laws_of
 from hpop.planners.graphs.query import Query
 from hpop.planners.graphs.state_graph import ARC, WrappedGraph
+from hpop.planners.graphs.timed import Timing
 from hpop.planners.graphs.timed.assembly import timed_graph
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.plans import GraphOnClock
-from hpop.planners.graphs.timed.timing import Timing
 from hpop.planners.graphs.timed.tour_layers import TimedTour, table_rows
 from hpop.planners.graphs.tour import NONE, TourGraph
 from hpop.planners.graphs.trajectory_graph import Stretches, TrajectoryGraph
@@ -291,7 +291,7 @@ def timed_passing_query(
 ) -> Query:
     """Return the query for the paths that make a passage, among the moving people of a problem.
 
-    Raises the errors of :func:`.timed.timing.timed_query`, and QueryError for a problem with a tour.
+    Raises the errors of :func:`.timed.timed_query`, and QueryError for a problem with a tour.
     """
     inner, start, ends = built.ends
     if not inner.has_clock:

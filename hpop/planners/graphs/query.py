@@ -39,7 +39,7 @@ from hpop.search.supported.first_paths import first_paths
 
 if TYPE_CHECKING:
     from hpop.planners.graphs.family import BuiltGraph
-    from hpop.planners.graphs.timed.timing import Timing
+    from hpop.planners.graphs.timed import Timing
     from hpop.problems.problem import Problem
     from hpop.search.timed import TimedPaths
 

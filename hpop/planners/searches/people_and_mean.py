@@ -25,7 +25,7 @@ from hpop.planners.base import Candidates
 from hpop.planners.graphs.assemble import OFF, ROUNDED, assemble
 from hpop.planners.graphs.family import BuiltGraph
 from hpop.planners.graphs.query import MAX_COSTS, Query
-from hpop.planners.graphs.timed.timing import timed_query
+from hpop.planners.graphs.timed import timed_query
 from hpop.planners.objectives import Objectives, edge_objectives, integral_of
 from hpop.planners.spending import Exhausted, Spending
 from hpop.runtime.limits import Status

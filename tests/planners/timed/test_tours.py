@@ -20,7 +20,7 @@ import shapely
 import hpop
 from hpop.errors import QueryError
 from hpop.planners.graph_planners import Lattice
-from hpop.planners.graphs.timed.timing import Timing, timed_query
+from hpop.planners.graphs.timed import Timing, timed_query
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.front import Front
