@@ -24,6 +24,6 @@ export default tseslint.config(
       "@typescript-eslint/restrict-template-expressions": ["error", { allowNumber: true }],
     },
   },
-  // Answers go to the study's own computer, which serves the page; nothing else fetches.
-  { files: ["src/study/recorder.ts"], rules: { "no-restricted-globals": ["error", "localStorage", "sessionStorage", "indexedDB", "XMLHttpRequest"] } },
+  // Answers go to the study's own computer, which serves the page; a camera is asked for its video. Nothing else fetches.
+  { files: ["src/study/recorder.ts", "src/live/camera.ts"], rules: { "no-restricted-globals": ["error", "localStorage", "sessionStorage", "indexedDB", "XMLHttpRequest"] } },
 );

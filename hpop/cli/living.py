@@ -57,7 +57,12 @@ PORT = 8020
     metavar="N",
     help="People who walk about and avoid the robot, in place of those of the scenario: needs hpop[crowd]. [0]",
 )
-@click.option("--video", metavar="URL", default="", help="MJPEG stream of the robot's camera, to show as the view.")
+@click.option(
+    "--video",
+    metavar="URL",
+    default="",
+    help="MJPEG stream of the robot's camera, to show as the view; or whep+URL, an address of WHEP (WebRTC).",
+)
 @click.option(
     "--robot", metavar="URL", help="Drive a robot through rosbridge, such as ws://localhost:9090. [a simulated robot]"
 )
@@ -139,7 +144,7 @@ def server_of(
 
     robot    options of :class:`hpop.live.simulator.SimulatorOptions`, or ``robot``, the address of rosbridge, and
              fields of :class:`hpop.ros.FollowInterface`
-    video    address of an MJPEG stream of the robot's camera
+    video    address of the robot's camera (:func:`hpop.live.scene.video_origin`)
     name     of the record; default: one from the present time
     options  arguments of :class:`.LiveServer`
     """

@@ -21,24 +21,27 @@ ROUND = 8
 """Corners of a quarter of a rounded outline."""
 
 
+WHEP = "whep+"
+"""What begins the address of a camera that speaks WHEP (WebRTC), before http or https."""
 HOST = re.compile(r"[A-Za-z0-9.-]+|\[[0-9A-Fa-f:.]+\]")
 
 
 def video_origin(url: str) -> str:
     """Return the origin of a video's address, such as "http://robot:8080"; "" for no address.
 
-    OptionError for an invalid address.
+    The address of a camera that speaks WHEP begins with `WHEP`. OptionError for an invalid address.
     """
     if not url:
         return ""
     try:
-        parts = urlsplit(url)
+        parts = urlsplit(url.removeprefix(WHEP))
         host = parts.netloc.rpartition(":")[0] if parts.port is not None else parts.netloc
     except ValueError:  # an invalid port
         parts, host = urlsplit(""), ""
     if parts.scheme not in ("http", "https") or not HOST.fullmatch(host) or not (url.isascii() and url.isprintable()):
         raise OptionError(
-            f"video must be the address of a camera's MJPEG stream, such as http://robot:8080/stream, got {shown(url)}"
+            "video must be the address of a camera's MJPEG stream, such as http://robot:8080/stream, or of WHEP, such "
+            f"as whep+http://robot:8889/camera/whep, got {shown(url)}"
         )
     return f"{parts.scheme}://{parts.netloc}"
 

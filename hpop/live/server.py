@@ -18,7 +18,7 @@ from starlette.responses import HTMLResponse, RedirectResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from hpop.live.scene import video_origin
+from hpop.live.scene import WHEP, video_origin
 from hpop.live.viewer import Audience, Viewer
 from hpop.runtime.page_server import LOCAL, PageServer, same
 from hpop.view.explorer import SCRIPT as EXPLORER
@@ -94,7 +94,8 @@ class LiveServer(PageServer):
         except OSError:
             return HTMLResponse(PLACEHOLDER)
         camera = video_origin(self.session.scene.get("video", ""))
-        page = single_page("live.js", payload["title"], {**payload, "token": token}, connect="'self'", images=camera)
+        connect = "'self'" + (f" {camera}" if self.session.scene.get("video", "").startswith(WHEP) else "")
+        page = single_page("live.js", payload["title"], {**payload, "token": token}, connect=connect, images=camera)
         return HTMLResponse(page.encode(errors="backslashreplace"))
 
     async def _explore(self, request: Request) -> Response:

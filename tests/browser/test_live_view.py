@@ -1,13 +1,16 @@
-"""The view of a live session: a camera's MJPEG stream in its place, and the explorer beside it."""
+"""The view of a live session: a camera's MJPEG stream or WebRTC in its place, and the explorer beside it."""
 
 from __future__ import annotations
 
 import io
+import os
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Event, Thread
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -96,6 +99,88 @@ def test_a_video_stands_in_the_views_place_with_the_ways_over_it_and_no_other_or
             other,
         )
         assert blocked.startswith(other.partition("?")[0].rpartition("/")[0])
+
+
+WHEP = """
+import asyncio, sys
+import numpy as np
+from aiohttp import web
+from aiortc import RTCPeerConnection, RTCSessionDescription, VideoStreamTrack
+from av import VideoFrame
+
+class Camera(VideoStreamTrack):
+    async def recv(self):
+        frame = VideoFrame.from_ndarray(np.full((240, 320, 3), (250, 10, 10), np.uint8), "rgb24")
+        frame.pts, frame.time_base = await self.next_timestamp()
+        return frame
+
+CORS = {"Access-Control-Allow-Origin": "*", "Access-Control-Allow-Headers": "*", "Access-Control-Allow-Methods": "*",
+        "Access-Control-Expose-Headers": "Location"}
+peers = []
+
+async def offer(request):
+    peer = RTCPeerConnection()
+    peers.append(peer)
+    await peer.setRemoteDescription(RTCSessionDescription(await request.text(), "offer"))
+    peer.addTrack(Camera())
+    await peer.setLocalDescription(await peer.createAnswer())
+    headers = {**CORS, "Location": "/camera/whep/1"}
+    return web.Response(status=201, text=peer.localDescription.sdp, content_type="application/sdp", headers=headers)
+
+async def allow(request):
+    return web.Response(headers=CORS)
+
+async def lose(request):
+    await asyncio.gather(*(peer.close() for peer in peers))
+    return web.Response(text=str(len(peers)))
+
+async def main():
+    app = web.Application()
+    app.add_routes([web.post("/camera/whep", offer), web.get("/lose", lose)])
+    app.add_routes([web.route(verb, path, allow) for verb in ("OPTIONS", "DELETE")
+                    for path in ("/camera/whep", "/camera/whep/1")])
+    runner = web.AppRunner(app)
+    await runner.setup()
+    site = web.TCPSite(runner, "127.0.0.1", 0)
+    await site.start()
+    print(site._server.sockets[0].getsockname()[1], flush=True)
+    await asyncio.Event().wait()
+
+asyncio.run(main())
+"""
+SHOWN = "() => document.querySelector('#view video').videoWidth === 320"
+
+
+@contextmanager
+def whep_camera() -> Iterator[str]:
+    """Serve a red video by WHEP with aiortc, in the Python that HPOP_AIORTC_PYTHON names."""
+    python = os.environ.get("HPOP_AIORTC_PYTHON")
+    if not python:
+        pytest.skip("HPOP_AIORTC_PYTHON names no Python with aiortc and aiohttp")
+    with subprocess.Popen([python, "-c", WHEP], stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        try:
+            yield f"http://127.0.0.1:{server.stdout.readline().strip()}"
+        finally:
+            server.terminate()
+
+
+def test_the_video_of_a_whep_address_stands_in_the_views_place_and_comes_again_when_it_was_lost(
+    browser: Browser, tmp_path: Path
+) -> None:
+    with whep_camera() as address, guest_of(browser, tmp_path, video=f"whep+{address}/camera/whep") as guest:
+        page = guest.page
+        page.wait_for_function(SHOWN)
+        expect(page.locator("#alarm")).to_be_hidden()
+        page.wait_for_timeout(500)
+        red = Image.open(io.BytesIO(page.screenshot())).convert("RGB").getpixel((200, 250))
+        assert isinstance(red, tuple)
+        assert red[0] > 200 > 60 > max(red[1:])
+        asked = urlopen(f"{address}/lose").read()
+        assert asked == b"1"
+        expect(page.locator("#alarm")).to_contain_text("camera is lost")
+        expect(page.locator("#alarm")).to_be_hidden()
+        assert urlopen(f"{address}/lose").read() == b"2"
 
 
 def test_the_explorer_shows_the_front_of_the_cards_to_those_who_may_drive(browser: Browser, tmp_path: Path) -> None:

@@ -1,11 +1,10 @@
 // The frame of the page: the view, the side with the map and all panels, the bar with the brake, and what the page says.
 import type { Point } from "../ride/model";
 import { button, element } from "../shared/dom";
+import { Camera } from "./camera";
 import type { LiveScene } from "./messages";
 
 const NOTES = 30;
-/** ms until a lost video is asked for again. */
-const RETRY = 2000;
 /** Reasons of the server for which the robot brakes that need no alarm: the viewer asked for it. */
 const WANTED = "stopped";
 
@@ -19,7 +18,7 @@ export class Shell {
   readonly root = element("div");
   readonly canvas = element("canvas");
   readonly map = element("canvas");
-  private readonly video = element("img");
+  private readonly camera: Camera | null = null;
   private readonly view = element("main");
   private readonly side = element("aside");
   private readonly go: HTMLButtonElement;
@@ -59,7 +58,11 @@ export class Shell {
     spot.id = "spot";
     spot.setAttribute("aria-hidden", "true");
     this.view.append(element("h1", "unseen", document.title));
-    if (scene.video !== "") this.show(scene.video);
+    if (scene.video !== "") {
+      const lost = "The picture of the robot’s camera is lost. Trying again …";
+      this.camera = new Camera(scene.video, (is) => { this.alert("video", is ? lost : ""); });
+      this.view.append(this.camera.root);
+    }
     this.view.append(this.canvas, spot, this.alarm);
     this.root.append(this.view, this.side, this.bar(scene, user));
     this.showGo(false, true);
@@ -96,29 +99,12 @@ export class Shell {
 
   /** Offers the headset, unless there is a video, which it could not show. */
   offerHeadset(is: boolean): void {
-    this.toHeadset.hidden = !is || this.video.isConnected;
+    this.toHeadset.hidden = !is || this.camera !== null;
   }
 
-  /** Shows the pictures of the robot's camera in the view's place; asks for them again when they are lost. */
-  private show(address: string): void {
-    const { video } = this;
-    video.alt = "Picture of the robot’s camera";
-    video.addEventListener("load", () => { this.alert("video", ""); });
-    video.addEventListener("error", () => {
-      this.alert("video", "The picture of the robot’s camera is lost. Trying again …");
-      setTimeout(() => { video.src = address; }, RETRY);
-    });
-    video.src = address;
-    this.view.append(video);
-  }
-
-  /** Fits the video to the camera's field of view, given as shares of the view; without, it fills the view. */
+  /** Fits the camera's picture to its field of view, given as shares of the view; without, it fills the view. */
   frame(shares: Point | null): void {
-    const [wide, tall] = shares ?? [1, 1];
-    this.video.style.inset = `${String(50 - 50 * tall)}% ${String(50 - 50 * wide)}%`;
-    this.video.style.width = `${String(100 * wide)}%`;
-    this.video.style.height = `${String(100 * tall)}%`;
-    this.video.style.objectFit = shares === null ? "" : "fill";
+    this.camera?.frame(shares);
   }
 
   say(words: string): void {
