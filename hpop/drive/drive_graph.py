@@ -48,13 +48,7 @@ if TYPE_CHECKING:
     from hpop.world import World
 
 SAMPLED = 200  # arcs nearest to a change, evaluated to find the criteria that depend on it
-CACHED = (
-    "_places",
-    "_finder",
-    "_named",
-    "_goal_joins",
-    "tails",
-)  # cached values that depend only on states and arcs of the graph
+CACHED = ("_places", "_finder", "_named", "_goal_joins", "tails")  # values that depend only on states and arcs
 OF_PEOPLE = frozenset({"people", "moving people", "groups"})  # requirements of criteria that depend on people
 
 
@@ -230,6 +224,17 @@ class DriveGraph:
         same &= speeds >= -len(self.query.space.slower_turns)  # such turns are on the graph
         return np.where(same, self.query.space.in_layer(nearest, speeds), -1)
 
+    def _nodes_or_start(self, states: States) -> IntArray:
+        """Return :meth:`nodes` (N,), but where the states equal an added start, its node."""
+        nodes, space = self.nodes(states), self.query.space
+        if self.query.start < self._first_added:
+            return nodes
+        start, is_start = space.states(np.full(nodes.size, self.query.start)), nodes < 0
+        for off in self.inner.model.space.differences(states, start).values():
+            is_start &= np.abs(off) <= UNMOVED
+        layers = 0 if space.one_layer is space else space.in_layer(np.zeros_like(nodes), speed_of(states))
+        return np.where(is_start, self.query.start + layers, nodes)
+
     def beginning(self, state: States) -> int:
         """Return the node of the start at the speed of a state (1,)."""
         space = self.query.space
@@ -247,7 +252,7 @@ class DriveGraph:
         columns = {n: [getattr(t.states, n) for t in trajectories] for n in self.inner.model.space.names}
         places, columns[SPEED] = map(list, zip(*map(places_of_nodes, trajectories), strict=True))
         columns |= {n: [c[at] for c, at in zip(columns[n], places, strict=True)] for n in columns if n != SPEED}
-        nodes = self.nodes(States(**{name: np.concatenate(each) for name, each in columns.items()}))
+        nodes = self._nodes_or_start(States(**{name: np.concatenate(each) for name, each in columns.items()}))
         each = np.split(nodes, np.cumsum([at.size for at in places])[:-1])
         return [self._arcs_along(*path) for path in zip(each, places, trajectories, strict=True)]
 
@@ -265,7 +270,8 @@ class DriveGraph:
 
         nodes, places  (N,)  nodes of the trajectory, -1 off the graph, and the indices of its states at them
         """
-        distinct = np.flatnonzero(np.append(nodes[1:] != nodes[:-1], True))  # a hold repeats its node
+        repeats = (nodes[1:] == nodes[:-1]) & (nodes[1:] < self._first_added)  # by holds; joins begin at any time
+        distinct = np.flatnonzero(np.append(~repeats, True))
         nodes, places = nodes[distinct], places[distinct]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
         if nodes[last] not in self.query.goals:  # a join leads to a goal beside the graph
@@ -284,10 +290,13 @@ class DriveGraph:
     @cached_property
     def _goal_joins(self) -> dict[int, list[GoalJoin]]:
         """Joins to goals beside the graph, by the node at which they begin."""
-        space = self.query.space
-        added = space.in_layer(np.array([self.inner.size]), np.zeros(1))[0]
-        beside = np.array([goal for goal in self.query.goals if goal >= added], np.int64)
-        return joins_to_goals(self.graph, space, self.tails, self._named, beside)
+        beside = np.array([goal for goal in self.query.goals if goal >= self._first_added], np.int64)
+        return joins_to_goals(self.graph, self.query.space, self.tails, self._named, beside)
+
+    @property
+    def _first_added(self) -> int:
+        """First node of the graph that is an added start or goal, not a state of the inner graph."""
+        return int(self.query.space.in_layer(np.array([self.inner.size]), np.zeros(1))[0])
 
     @cached_property
     def _named(self) -> NDArray[np.int32]:

@@ -6,6 +6,7 @@ that the robot has there, in a new world with the closed areas.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -268,3 +269,18 @@ def test_known_plans_to_a_goal_beside_the_graph_are_options_at_once(
     assert later
     for kinds, states in later:
         assert any(kinds == option.kinds and np.allclose(states, columns(option.states)) for option in options)
+
+
+@pytest.mark.parametrize("model", [hpop.DifferentialDrive(radius=0.2), ROOMY])
+def test_among_people_the_last_turn_at_a_goal_beside_the_graph_is_known_without_a_search(
+    model: hpop.DifferentialDrive,
+) -> None:
+    goal, planner = (1.3, 0.2, 0.3), Lattice(step=0.5)
+    problem = Problem(room(ANN), model, (0, 0, 0), goal, ["duration", "length"], quanta={"duration": 0.1})
+    drive = hpop.follow(problem, problem.solve(planner), 0, planner=planner)
+    last_move = max(row for row, kind in enumerate(drive.plan.kinds) if kind == "move")
+    now = float(drive.plan.times[last_move + 1]) - 0.05
+    drive.ready(now)
+    options = drive.options(now, 0.0)  # 0 s are for no search
+    assert [option.kinds for option in options.front.trajectories] == [drive.plan.kinds[last_move + 1 :]]
+    assert options.gap < math.inf
