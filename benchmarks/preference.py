@@ -9,8 +9,8 @@ the other ones are made by a seed. People are drawn from the prior, without thos
 
 With --fit N it measures instead the test whether a weighted sum fits. N simulated people decide by a weighted sum. N
 others have another taste, and lose over a tenth of their range by the proposed row. The fronts are that of the museum
-and eight convex ones of 158 random points. All people err as the model says. A line for each person goes to FILE too, so that shares at
-other limits of doubt can be computed.
+and eight convex ones of 158 random points. All people err as the model says. A line for each person goes to FILE too,
+so that shares at other limits of doubt can be computed.
 """
 
 from __future__ import annotations
