@@ -52,8 +52,8 @@ LIKELY = 1_500
 """Most probable people of the second model who choose the next question."""
 
 
-class Known(NamedTuple):
-    """What both models know before and after answers.
+class ModelEvidence(NamedTuple):
+    """Evidence of both models: their people, with the probability of the answers so far by each.
 
     others     people of the second model
     of_others  (N,)  logarithms of the probability of all decided answers, by each of them
@@ -66,8 +66,8 @@ class Known(NamedTuple):
     draws: Draws
     of_sum: FloatArray
 
-    def after(self, answers: Sequence[PairAnswer], scale: CostScale) -> Known:
-        """Return what is known after more answers; "no difference" is left out."""
+    def after(self, answers: Sequence[PairAnswer], scale: CostScale) -> ModelEvidence:
+        """Return the evidence after more answers; "no difference" is left out."""
         decided = [answer for answer in answers if answer.chosen is not None]
         if not decided:
             return self
@@ -159,7 +159,7 @@ class FitCheck:
         It is the logarithm of the ratio of the probability of all answers by the second model to that by a weighted
         sum. Answers before the test count as well; "no difference" does not.
         """
-        return _log_mean(self._known.of_others) - _log_mean(self._known.of_sum)
+        return _log_mean(self._evidence.of_others) - _log_mean(self._evidence.of_sum)
 
     @property
     def fits(self) -> bool:
@@ -171,8 +171,8 @@ class FitCheck:
         """Row that is best for the person: by the weighted sum if it fits, otherwise by the second model."""
         if self.fits:
             return self.preference.best().row
-        others = self._known.others
-        return int(others.rows[np.argmin(_probabilities(self._known.of_others) @ others.losses)])
+        others = self._evidence.others
+        return int(others.rows[np.argmin(_probabilities(self._evidence.of_others) @ others.losses)])
 
     @cached_property
     def preference(self) -> Preference:
@@ -231,10 +231,10 @@ class FitCheck:
         return self._before if self._before is not None else replace(self, answers=self.answers[:-1])
 
     @cached_property
-    def _known(self) -> Known:
-        """What both models know; their people do not depend on the answers of the test."""
+    def _evidence(self) -> ModelEvidence:
+        """Evidence of both models; their people do not depend on the answers of the test."""
         if self.answers:
-            return self._former._known.after(self.answers[-1:], self.person.scale)
+            return self._former._evidence.after(self.answers[-1:], self.person.scale)
         rng = np.random.default_rng([self.person.seed, 7])
         rows = some_rows(len(self._rows), self.row, rng)
         tastes, losses = Tastes.draw(self._rows[rows], self.person.prior, DRAWN, rng)
@@ -243,8 +243,8 @@ class FitCheck:
             lose[:] = True
         others = Others(tastes.subset(lose), rows, losses[lose])
         draws = self._people_of_sum(self.person.scale)
-        known = Known(others, np.zeros(int(lose.sum())), draws, np.zeros(len(draws)))
-        return known.after(self.person.answers, self.person.scale)
+        first = ModelEvidence(others, np.zeros(int(lose.sum())), draws, np.zeros(len(draws)))
+        return first.after(self.person.answers, self.person.scale)
 
     def _challenge(self) -> FloatArray:
         """Return for each row (m,) how much likelier it beats the best row by the second model than by the sum.
@@ -253,8 +253,8 @@ class FitCheck:
         """
         from scipy.special import expit  # slow to import
 
-        others = self._known.others
-        probability = _probabilities(self._known.of_others)
+        others = self._evidence.others
+        probability = _probabilities(self._evidence.of_others)
         likely = np.argsort(-probability)[:LIKELY]
         losses, sharpness = others.losses[likely], others.tastes.sharpness[likely]
         gains = sharpness[:, None] * (losses[:, [np.searchsorted(others.rows, self.row)]] - losses)
