@@ -24,7 +24,7 @@ from hpop.errors import QueryError
 from hpop.goals.base import Goal
 from hpop.goals.region import InverseKinematics, Region, checked_angle, checked_numbers, written
 from hpop.motions import HOLD, Model, Motions, Pose, States, StateSpace, Twist, Vector, laws_of
-from hpop.world.geometry.rays_in_space import Surfaces, rows, surfaces_of
+from hpop.world.geometry.rays_in_space import Surfaces, rows, stacked_poses, surfaces_of
 from hpop.world.geometry.solids import Solid
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ def hidden_share(
     camera = rows((pose.x, pose.y, pose.z), states.size)
     bodies = model.bodies(states) if by_robot else []
     shapes = Surfaces.of([Solid(shape, np.eye(4)) for shape, _ in bodies])
-    poses = np.stack([each for _, each in bodies]) if bodies else np.empty((0, states.size, 4, 4))
+    poses = stacked_poses([pose for _, pose in bodies], states.size)
     return np.asarray(surfaces_of(world).blocked(shapes, poses, camera, target, TARGET_RADIUS, RAYS))
 
 

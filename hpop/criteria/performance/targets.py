@@ -15,7 +15,7 @@ from hpop.base.text import shown
 from hpop.criteria.base import criterion
 from hpop.errors import CriterionError
 from hpop.motions import Instants, Motions, Vector
-from hpop.world.geometry.rays_in_space import Surfaces, refuse_symbols, rows, surfaces_of
+from hpop.world.geometry.rays_in_space import Surfaces, refuse_symbols, rows, stacked_poses, surfaces_of
 from hpop.world.geometry.solids import Solid
 
 
@@ -167,6 +167,5 @@ class Occlusion(Targeted):
         for begin in range(0, size, BLOCK):
             part = slice(begin, begin + BLOCK)
             state = s.state if size <= BLOCK else s.state.take(part)
-            poses = [pose for _, pose in bodies(state)]
-            placed = np.stack(poses) if poses else np.empty((0, len(camera[part]), 4, 4))
+            placed = stacked_poses([pose for _, pose in bodies(state)], len(camera[part]))
             surfaces.find_blocked(fixed, placed, camera[part], offsets[part], self.radius, rays[part])

@@ -203,6 +203,17 @@ def rows(vector: Vector, size: int) -> FloatArray:
     return np.stack([np.broadcast_to(column, (size,)) for column in vector], axis=1)
 
 
+def stacked_poses(poses: Sequence[FloatArray], size: int) -> FloatArray:
+    """Stack the poses (N, 4, 4) of B bodies to (B, N, 4, 4); no copy is made if they are the rows of one array."""
+    if not poses:
+        return np.empty((0, size, 4, 4))
+    whole = poses[0].base
+    if not isinstance(whole, np.ndarray) or whole.shape != (len(poses), size, 4, 4):
+        return np.stack(poses)
+    is_whole = all(a.__array_interface__ == b.__array_interface__ for a, b in zip(whole, poses, strict=True))
+    return whole if is_whole else np.stack(poses)
+
+
 def refuse_symbols(columns: Iterable[Column]) -> None:
     """Raise OptionError for CasADi symbols."""
     if any(map(is_symbolic, columns)):

@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
-from hpop.world.geometry.rays_in_space import Surfaces, over_disc, over_sphere
+from hpop.world.geometry.rays_in_space import Surfaces, over_disc, over_sphere, stacked_poses
 from hpop.world.geometry.solids import Box, Cylinder, Hull, Solid, Sphere
 
 REACH = 9.0
@@ -332,6 +332,14 @@ def test_what_two_bodies_fill_counts_once():
     can, ball = Solid(Cylinder(0.4, 0.6), np.eye(4)), Solid(Sphere(0.7), np.eye(4))
     share = Surfaces.of([can, ball, ball]).filled(np.zeros((1, 3)), 1.0, 50)[0]
     assert share == pytest.approx(0.7**3, rel=1e-12)  # the can is inside the ball
+
+
+def test_poses_are_stacked_in_their_order_whether_they_are_rows_of_one_array_or_not():
+    whole = np.random.default_rng(3).normal(size=(3, 5, 4, 4))
+    rows = list(whole)
+    for poses in (rows, rows[::-1], rows[:2], [rows[0]] * 3, [row.copy() for row in rows], list(whole[:, ::-1])):
+        np.testing.assert_array_equal(stacked_poses(poses, 5), np.stack(poses))
+    assert stacked_poses([], 5).shape == (0, 5, 4, 4)
 
 
 def test_points_of_spirals_are_even():
