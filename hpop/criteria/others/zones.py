@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from hpop.base.arrays import Column, FloatArray, IntArray
+from hpop.base.arrays import BoolArray, Column, FloatArray
 from hpop.base.math import is_symbolic, smooth_abs
 from hpop.criteria.base import criterion
 from hpop.criteria.others import base_velocity
@@ -19,7 +20,42 @@ from hpop.world import World
 from hpop.world.content.content import Zone
 from hpop.world.fields.field import Field, grid_points
 
-Flow = tuple[Field, Field, tuple[float, float, float, float]]
+
+class Blocks(NamedTuple):
+    """Blocks of BLOCK by BLOCK samples of a field, and whether the field may differ from 0 in each.
+
+    x, y  m      corner of the first block
+    size  m      length of a block
+    used  (H, W)
+    """
+
+    x: float
+    y: float
+    size: float
+    used: BoolArray
+
+    @classmethod
+    def of(cls, xs: FloatArray, ys: FloatArray, samples: BoolArray) -> Blocks:
+        """Return the blocks of a grid in which samples (H, W) differ from 0, and those next to them.
+
+        Samples at the border of the grid must be 0, so that the field is 0 beyond it.
+        """
+        row, column = np.nonzero(samples)
+        used = np.zeros((-(-ys.size // BLOCK) + 4, -(-xs.size // BLOCK) + 4), dtype=np.bool_)
+        for down in range(3):  # a spline reaches two samples
+            for right in range(3):
+                used[row // BLOCK + down + 1, column // BLOCK + right + 1] = True
+        size = BLOCK * float(xs[1] - xs[0])
+        return cls(float(xs[0]) - 2.0 * size, float(ys[0]) - 2.0 * size, size, used)
+
+    def at(self, x: FloatArray, y: FloatArray) -> BoolArray:
+        """Return whether the field may differ from 0 at positions."""
+        row = np.clip((y - self.y) / self.size, 0, self.used.shape[0] - 1).astype(np.int64)
+        return np.asarray(self.used[row, np.clip((x - self.x) / self.size, 0, self.used.shape[1] - 1).astype(np.int64)])
+
+
+Flow = tuple[Field, Field, Blocks]
+BLOCK = 8
 
 
 @criterion("against_flow", group="O", unit="m", aggregate="sum", requires=("base", "one-way zones"))
@@ -49,8 +85,8 @@ class AgainstFlow:
                 return sum(np.maximum(-(vx * ahead(x, y) + vy * left(x, y)), 0.0) for ahead, left, _ in flows)
             total = np.zeros(np.broadcast(x, y, vx, vy).shape)
             x, y, vx, vy = (np.broadcast_to(column, total.shape) for column in (x, y, vx, vy))
-            for ahead, left, (x0, y0, x1, y1) in flows:  # of many zones, a position is in few
-                near = np.nonzero((x > x0) & (x < x1) & (y > y0) & (y < y1))
+            for ahead, left, blocks in flows:  # of many zones, a position is in few
+                near = np.nonzero(blocks.at(x, y))
                 at = x[near], y[near]
                 total[near] += np.maximum(-(vx[near] * ahead(*at) + vy[near] * left(*at)), 0.0)
             return total
@@ -93,9 +129,6 @@ ROWS = 1 << 16  # blocks looked at together
 
 
 FINER = 4  # times as small: the next blocks of squares
-
-
-REACH = 2  # samples about one in which a cubic spline differs from 0
 
 
 SAMPLE = 8  # bytes of a sample
@@ -142,14 +175,14 @@ def one_way_flows(world: World) -> tuple[tuple[Field, Field], ...]:
 
 
 def _flows(world: World) -> tuple[Flow, ...]:
-    """Return the flows of :func:`one_way_flows`, each with the box beyond which it is 0."""
+    """Return the flows of :func:`one_way_flows`, each with the blocks outside which it is 0."""
     zones = [zone for zone in world.content.zones if zone.kind == "one-way"]
     key = ("one-way flows", *((zone.area, zone.path) for zone in zones))
     return world.ground.derived(key, lambda: tuple(_flow(world, zone) for zone in zones))
 
 
 def _flow(world: World, zone: Zone) -> Flow:
-    """Return the allowed direction in one zone: its x and y components, and the box beyond which they are 0."""
+    """Return the allowed direction in one zone: its x and y components, and the blocks outside which they are 0."""
     xs, ys = _grid(world, zone.area)
     shares = _shares(zone.area, xs, ys)
     limits.hold(ZONES, xs.size * ys.size * SAMPLE, xs.size * ys.size * POINT)
@@ -171,19 +204,7 @@ def _flow(world: World, zone: Zone) -> Flow:
     direction = np.where(norm > SAME_PLACE, mean / np.maximum(norm, SAME_PLACE), ahead[after])
     right, up = np.zeros_like(shares), np.zeros_like(shares)
     right[used], up[used] = shares[used] * direction[:, 0], shares[used] * direction[:, 1]
-    box = [_ends(at, index) for at, index in zip((xs, ys), used[::-1], strict=True)]
-    bounds = (box[0][0], box[1][0], box[0][1], box[1][1])
-    return _field(xs, ys, right), _field(xs, ys, up), bounds
-
-
-def _ends(at: FloatArray, used: IntArray) -> tuple[float, float]:
-    """Return between which coordinates a field differs from 0, from the indices of its samples that do.
-
-    A spline reaches two samples farther. If these are not on the grid, whose border values count beyond it, the end is
-    infinite.
-    """
-    low, high = int(used.min(initial=at.size)) - REACH, int(used.max(initial=-1)) + REACH
-    return float(at[low]) if 0 <= low < at.size else -np.inf, float(at[high]) if 0 <= high < at.size else np.inf
+    return _field(xs, ys, right), _field(xs, ys, up), Blocks.of(xs, ys, shares > 0.0)
 
 
 def _grid(world: World, area: BaseGeometry) -> tuple[FloatArray, FloatArray]:

@@ -19,7 +19,7 @@ from shapely.affinity import rotate, translate
 from shapely.geometry.base import BaseGeometry
 
 from hpop.base.options import truth
-from hpop.base.text import counted, printable, some
+from hpop.base.text import counted, printable, shown, some
 from hpop.errors import MapError
 from hpop.runtime import limits
 from hpop.runtime.limits import READING
@@ -38,6 +38,7 @@ SLIVER = 0.01
 """Share of a lane's area up to which another lane only touches it; also the smallest area of a zone, m²."""
 WIDE = 2.6
 """Largest width, m, that one row of discs covers; their radius is at most about 0.7 of it."""
+LOOSE = 0.2  # rad: width of an interval of headings above which a note says which one is chosen
 MOST_DISCS = 200  # of one vehicle
 FINEST = 0.2  # m: smallest distance between discs
 FINER = (1, 2, 4)  # tried in turn: factors of the number of discs across a vehicle whose states are uncertain
@@ -107,7 +108,7 @@ def planning_problem(path: str | Path, number: int | None = None) -> PlanningPro
     if number is None and len(problems) > 1:
         raise file.error(f"it has several planning problems; give the number of one of them: {known}")
     if number is not None and str(number) not in problems:
-        raise file.error(f"it has no planning problem {number}; give one of {known}")
+        raise file.error(f"it has no planning problem {shown(number)}; give one of {known}")
     chosen = str(number) if number is not None else next(iter(problems))
     what, given = f"planning problem {printable(chosen)[:20]}", problems[chosen]
     begin = given.find("initialState")
@@ -119,16 +120,19 @@ def planning_problem(path: str | Path, number: int | None = None) -> PlanningPro
             f"the initial state of {what} needs time 0 and an orientation; give start as a state, [x, y, yaw]"
         )
     lanes = file.lanes()
-    goals = [goal for state in given.findall("goalState") for goal in _goals(file, state, lanes, what)]
-    if not goals:
-        raise file.error(f"no goal of {what} states a position; give goal as a state, [x, y, yaw]")
     place = f"{named(path)}, {what}"
     said = [f"{place}: start and goals are those of the middle of the rear axle; times and speeds are left out"]
+    goals = [goal for state in given.findall("goalState") for goal in _goals(file, state, lanes, what, said)]
+    if not goals:
+        raise file.error(f"no goal of {what} states a position; give goal as a state, [x, y, yaw]")
     return PlanningProblem((start.x, start.y, start.yaw), tuple(dict.fromkeys(goals)), tuple(said))
 
 
-def _goals(file: RoadFile, state: Element, lanes: Sequence[Lane], what: str) -> list[Place]:
-    """Return a state (x, y, yaw) in the middle of each lane that crosses the position of a goal state."""
+def _goals(file: RoadFile, state: Element, lanes: Sequence[Lane], what: str, said: list[str]) -> list[Place]:
+    """Return a state (x, y, yaw) in the middle of each lane that crosses the position of a goal state.
+
+    said  notes for the user, to which one is added if the heading is a guess
+    """
     position = state.find("position")
     if position is None:
         return []
@@ -149,8 +153,13 @@ def _goals(file: RoadFile, state: Element, lanes: Sequence[Lane], what: str) -> 
         middle = longest.interpolate(0.5, normalized=True)
         found.append((middle.x, middle.y, _within(lane.heading(float(line.project(middle))), turned)))
     if not found and not region.is_empty:
-        point = region.representative_point()
-        found.append((point.x, point.y, None if turned is None else sum(turned) / 2))
+        point, yaw = region.representative_point(), None if turned is None else sum(turned) / 2
+        if turned is not None and turned[1] - turned[0] > LOOSE:
+            said.append(
+                f"{named(file.path)}: a goal of {what} is on no lane; of its headings from {turned[0]:.3g} to "
+                f"{turned[1]:.3g} rad, the middle is the goal. Give goal as a state, [x, y, yaw], for another one"
+            )
+        found.append((point.x, point.y, yaw))
     return found
 
 
@@ -185,6 +194,9 @@ def _read_obstacle(
     if not later:
         area: BaseGeometry = shapely.union_all([shape.area for shape in shapes])
         if states:
+            round_all = all(shape.radius is not None and shape.middle == (0.0, 0.0) for shape in shapes)
+            if math.isnan(states[0].yaw) and not round_all:
+                raise file.error(f"{what} has no <orientation> in its <initialState>; add it")
             area = _placed(area, states[0])
         obstacles += [Obstacle(part, *height, name=name) for part in polygons_of(area)]
         return

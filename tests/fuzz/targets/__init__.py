@@ -35,6 +35,7 @@ def warm(folder: Path) -> None:
 EVERY: list[Attempt] = [
     *(
         maps.geojson,
+        maps.road,
         maps.ros_map,
         maps.movingai,
         maps.tracks,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import sqlite3
 from contextlib import closing
 from pathlib import Path
@@ -122,6 +123,52 @@ def movingai(rng: Rng, folder: Path) -> str:
     path = folder / "grid.map"
     path.write_bytes(bent_bytes(f"type octile\nheight 12\nwidth 16\nmap\n{rows}\n".encode(), rng))
     return verdict(lambda: _looked_at(hpop.World.from_movingai(path)))
+
+
+LANE = (
+    '<lanelet id="{}"><leftBound><point><x>0</x><y>{}</y></point><point><x>9</x><y>{}</y></point></leftBound>'
+    "<rightBound><point><x>0</x><y>{}</y></point><point><x>9</x><y>{}</y></point></rightBound>{}</lanelet>"
+)
+STATE = (
+    "<{0}><position><point><x>{1}</x><y>1.5</y></point></position><orientation><exact>0.1</exact></orientation>"
+    "<time><exact>{2}</exact></time></{0}>"
+)
+BOX = "<shape><rectangle><length>2.5</length><width>1.1</width></rectangle></shape>"
+ROAD = (
+    '<?xml version="1.0"?><commonRoad commonRoadVersion="2020a" timeStepSize="0.1">'
+    + LANE.format(1, 3, 3, 0, 0, '<trafficSignRef ref="7"/><laneletType>urban</laneletType>')
+    + LANE.format(2, 6, 6, 3, 3, "<userBidirectional>vehicle</userBidirectional><speedLimit>8</speedLimit>")
+    + '<trafficSign id="7"><trafficSignElement><trafficSignID>274</trafficSignID>'
+    "<additionalValue>13.9</additionalValue></trafficSignElement></trafficSign>"
+    + f'<staticObstacle id="3"><type>parkedVehicle</type>{BOX}{STATE.format("initialState", 7, 0)}</staticObstacle>'
+    + f'<dynamicObstacle id="4"><type>car</type>{BOX}{STATE.format("initialState", 2, 0)}<trajectory>'
+    + "".join(STATE.format("state", 2 + step, step) for step in range(1, 4))
+    + f'</trajectory></dynamicObstacle><planningProblem id="5">{STATE.format("initialState", 1, 0)}<goalState>'
+    "<position><rectangle><length>2</length><width>2</width><orientation>0</orientation><center><x>8</x><y>1.5</y>"
+    "</center></rectangle></position><orientation><intervalStart>-0.2</intervalStart><intervalEnd>0.2</intervalEnd>"
+    "</orientation><time><intervalStart>1</intervalStart><intervalEnd>9</intervalEnd></time></goalState>"
+    "</planningProblem></commonRoad>"
+)
+
+
+def road(rng: Rng, folder: Path) -> str:
+    """Read a road of CommonRoad with bent bytes or hostile numbers, and its planning problem."""
+    text = ROAD
+    for _ in range(int(rng.integers(0, 3))):
+        numbers = [*re.finditer(r"(?<=>)-?[\d.]+(?=<)", text)]
+        one = numbers[rng.integers(len(numbers))]
+        value = hostile(rng) if rng.random() < 0.3 else round(float(rng.normal(0.0, 4.0)), 2)
+        text = f"{text[: one.start()]}{value}{text[one.end() :]}"
+    data = text.encode(errors="surrogatepass")
+    path = folder / "road.xml"
+    path.write_bytes(bent_bytes(data, rng) if rng.random() < 0.3 else data)
+    options = {("height", "traffic")[rng.integers(2)]: hostile(rng)} if rng.random() < 0.2 else {}
+
+    def read() -> None:
+        _looked_at(hpop.World.from_file(path, **options))
+        hpop.world.planning_problem(path, **({"number": hostile(rng)} if rng.random() < 0.2 else {}))
+
+    return verdict(read)
 
 
 TRACKS = (

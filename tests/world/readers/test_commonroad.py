@@ -398,3 +398,27 @@ def test_a_lane_narrower_than_the_car_is_named(tmp_path):
 
 def test_hpop_exports_the_reader():
     assert hpop.world.planning_problem is planning_problem
+
+
+def test_an_obstacle_that_stands_needs_an_orientation_unless_it_is_round(tmp_path):
+    for shape, yaw, refused in (
+        (CAR, None, True),
+        (CAR, 0.3, False),
+        ("<circle><radius>1</radius></circle>", None, False),
+    ):
+        path = road(tmp_path, straight(1, 0, 3), standing(7, shape, 10, 1.5, yaw, 0))
+        if refused:
+            with pytest.raises(MapError, match="staticObstacle 7 has no <orientation> in its <initialState>; add it"):
+                World.from_file(path)
+        else:
+            assert len(World.from_file(path).obstacles) == 1
+
+
+@pytest.mark.parametrize(("low", "high", "noted"), [(-1.0, 0.4, True), (0.1, 0.2, False)])
+def test_a_goal_beside_all_lanes_says_which_of_its_headings_is_the_goal(tmp_path, low, high, noted):
+    heading = f"<orientation><intervalStart>{low}</intervalStart><intervalEnd>{high}</intervalEnd></orientation>"
+    circle = f"<position><circle><radius>1</radius><center><x>20</x><y>9</y></center></circle></position>{heading}"
+    path = road(tmp_path, straight(1, 0, 3), problem(5, (1, 1.5, 0, 0), circle))
+    found = planning_problem(path)
+    assert found.goals[0][2] == pytest.approx((low + high) / 2)
+    assert any("is on no lane" in note for note in found.notes) is noted
