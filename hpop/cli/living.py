@@ -163,7 +163,9 @@ def server_of(
     name = name or time.strftime("live-%Y%m%dT%H%M%SZ.jsonl", time.gmtime())
     record = Record(out / name, {"scenario": str(scenario), "simulator": about, "scene": scene})
     scene["video"] = video  # not recorded: the address may be a secret
-    session = LiveSession(problem, scene, record, partial(PlannerProcess, scenario, imports), driven, people)
+    planner, told = partial(PlannerProcess, scenario, imports), problem.world.content.people
+    radii = () if robot.get("robot") or robot.get("crowd") else tuple(person.radius for person in told)
+    session = LiveSession(problem, scene, record, planner, driven, people, radii)
     return LiveServer(session, **options)
 
 

@@ -284,15 +284,24 @@ class LivePlanner(OfferedDrive):
             yield from self._change(now, pose, "close", closed[name], name)
 
     def people(
-        self, now: float, pose: Pose, people: Sequence[Sequence[float]], radius: float = Person.radius
+        self,
+        now: float,
+        pose: Pose,
+        people: Sequence[Sequence[float]],
+        radius: float | Sequence[float] = Person.radius,
     ) -> Iterator[Message]:
-        """Replace the people by those who are seen: x, y, m, and their velocities, m/s; ``radius``, m, of each."""
-        horizon = self.template.horizon or HORIZON
+        """Replace the people by those who are seen: x, y, m, and their velocities, m/s.
+
+        radius  m, of each person, or of all
+        """
+        horizon, radii = self.template.horizon or HORIZON, np.broadcast_to(radius, len(people))
         seen = tuple(
             Person(x, y, velocity=(vx, vy), until=horizon, radius=radius, name=f"person {i}")
             if math.hypot(vx, vy) > STANDS
             else Person(x, y, radius=radius, name=f"person {i}")
-            for i, (x, y, vx, vy) in enumerate(people, 1)
+            for i, (x, y, vx, vy, radius) in enumerate(
+                np.column_stack([np.reshape(people, (-1, 4)), radii]).tolist(), 1
+            )
         )
         yield from self._change(now, pose, "people", seen, "")
 

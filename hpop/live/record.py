@@ -9,13 +9,22 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from hpop.errors import OutputError
 
 SCHEMA, VERSION = "hpop-live-record", 1
+
+
+def state_of(
+    t: float, pose: Sequence[float], people: Iterable[Sequence[float]], *, moving: bool, **more: Any
+) -> dict[str, Any]:
+    """Return the message "state" at time ``t``, s: pose of the robot, whether it moves, people, and values ``more``."""
+    place = dict(zip(("x", "y", "theta"), (round(value, 4) for value in pose), strict=True))
+    around = [[round(value, 3) for value in person] for person in people]
+    return {"type": "state", "at": utc(), "t": round(t, 3), **place, "moving": moving, "people": around, **more}
 
 
 def utc() -> int:

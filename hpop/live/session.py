@@ -8,13 +8,14 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
+from itertools import compress, repeat
 from typing import Any
 
 from hpop.live.messages import WATCHING
 from hpop.live.process import PlannerProcess
-from hpop.live.record import Record, utc
+from hpop.live.record import Record, state_of
 from hpop.live.simulator import LiveRobot, ToldPeople
 from hpop.live.viewer import Audience, Viewer
 from hpop.models.execution import clearance_radius
@@ -48,6 +49,7 @@ class LiveSession(Audience):
     planner   returns the client of the planner's process, given the function that takes the planner's messages
     robot     robot that is driven
     people    people around it
+    radii     m, radius of each of them; () if all have that of ``people``
     """
 
     def __init__(
@@ -58,15 +60,17 @@ class LiveSession(Audience):
         planner: Callable[[Callable[[dict[str, Any]], None]], PlannerProcess],
         robot: LiveRobot,
         people: Pedestrians,
+        radii: Sequence[float] = (),
     ) -> None:
         super().__init__(scene)
         self.problem, self.record, self.record_path = problem, record, record.path
         self.planner = planner(self._planned)
-        self.robot, self._pedestrians = robot, people
+        self.robot, self._pedestrians, self._radii = robot, people, radii
         self._told_people = ToldPeople()
         self.reach = clearance_radius(problem.model, 0.0)
         self.driver: Viewer | None = None
         self.people: list[Walking] = []
+        self.radii: list[float] = []  # m, of these people
         self.settings = dict(SETTINGS)
         self.stopped = False
         self._starts = False  # whether a stopped robot drives on once it has the way that was chosen
@@ -103,7 +107,9 @@ class LiveSession(Audience):
     def step(self, now: float) -> None:
         """Move people and robot on to a time of the session, and tell the viewers."""
         people = self._pedestrians.advance(now, self.robot.base.pose)
-        self.people = [person for person in people if not math.isnan(person[0])]
+        here = [not math.isnan(x) for x, *_ in people]
+        self.people = [*compress(people, here)]
+        self.radii = [*compress(self._radii or repeat(self._pedestrians.radius), here)]
         self._choose_driver(now)
         braked = self._why_braked(now)
         self.robot.advance(now, brakes=bool(braked))
@@ -130,20 +136,8 @@ class LiveSession(Audience):
 
     def state(self, now: float) -> dict[str, Any]:
         """Return the message "state": pose, people, index of the present plan among the ways, why the robot brakes."""
-        x, y, theta = (round(value, 4) for value in self.robot.pose)
-        people = [[round(value, 3) for value in person] for person in self.people]
-        return {
-            "type": "state",
-            "at": utc(),
-            "t": round(now, 3),
-            "x": x,
-            "y": y,
-            "theta": theta,
-            "moving": not self.robot.stands,
-            "people": people,
-            "plan": self._plan,
-            "braked": self.braked,
-        }
+        moving, more = not self.robot.stands, {"plan": self._plan, "braked": self.braked}
+        return state_of(now, self.robot.pose, self.people, moving=moving, **more)
 
     def leave(self, viewer: Viewer) -> None:
         """Forget a viewer who has gone; another one may then drive."""
@@ -316,7 +310,7 @@ class LiveSession(Audience):
         if self.robot.misses(trajectory, elapsed):
             self._leave_plan(MISSED)
             return
-        self._waits = self.robot.approaches(trajectory, elapsed, self.people, self._pedestrians.radius)
+        self._waits = self.robot.approaches(trajectory, elapsed, self.people, self.radii)
         if self._waits:  # the planner is told anew where people are, and then says how the robot goes on
             self._told_people = ToldPeople()
             return
@@ -359,7 +353,7 @@ class LiveSession(Audience):
         if self.planner.is_ready and (wanted or free) and self._told_people.differ(self.people, now, PREDICTED):
             self._next["people"] = now + SEEN
             self._told_people.keep(self.people, now)
-            self._ask("people", people=self.people, radius=self._pedestrians.radius)
+            self._ask("people", people=self.people, radius=self.radii)
             if drives and not wanted:
                 self._ask_ways()
 
@@ -396,5 +390,5 @@ class LiveSession(Audience):
         if trouble := self.robot.trouble():
             self.stopped = self.stopped or (self.robot.is_lost and not self._has_arrived)
             return trouble
-        least = self.reach + self._pedestrians.radius + BEFORE_PEOPLE
+        least = [self.reach + radius + BEFORE_PEOPLE for radius in self.radii]
         return "a person is in the way" if not self._has_arrived and self.robot.meets(self.people, least) else ""

@@ -221,13 +221,15 @@ class LiveRobot:
         overshoot = (v * v - planned * planned) / (2.0 * self._limits.acceleration)
         return bool(off.min() > (STANDS_OFF if self.stands else PARTED) or overshoot > OVERSHOOT)
 
-    def approaches(self, trajectory: Trajectory, elapsed: float, people: Sequence[Walking], radius: float) -> bool:
+    def approaches(
+        self, trajectory: Trajectory, elapsed: float, people: Sequence[Walking], radii: Sequence[float]
+    ) -> bool:
         """Return whether a plan leads the robot into a person within `LOOK_AHEAD` s, if people walk on as they do now.
 
         A person who walks into the robot where it is now does not count.
 
         elapsed  s, time of the plan now
-        radius   of people, m
+        radii    m, of the people
         """
         done, times = trajectory.execution(), np.arange(0.0, LOOK_AHEAD, LOOK)
         elapsed = self._clock_on(trajectory, elapsed)
@@ -236,7 +238,7 @@ class LiveRobot:
         here = done.at(np.full(times.size, np.clip(elapsed, 0.0, done.duration)))
         pose = dict(zip(("x", "y", "yaw"), self.pose, strict=True))
         here = States(**{name: np.full(times.size, pose.get(name, getattr(here, name)[0])) for name in names})
-        for x, y, vx, vy in people:
+        for (x, y, vx, vy), radius in zip(people, radii, strict=True):
             places = np.stack([x + vx * times, y + vy * times], axis=1)
             gaps, stays = (distance_to_outline(trajectory.model.platform, each, places) for each in (then, here))
             if ((gaps < radius) & (gaps < stays - SLIGHT)).any():
@@ -278,20 +280,20 @@ class LiveRobot:
                 return {"type": "turn", "in": round(wait, 2), "direction": side, "degrees": degrees}
         return None
 
-    def meets(self, people: Sequence[Walking], least: float) -> bool:
+    def meets(self, people: Sequence[Walking], least: Sequence[float]) -> bool:
         """Return whether the robot would come too near to a person, as they walk now, before it could stand.
 
-        A robot that drives away from a person does not meet them. ``least`` is the distance of the centres, m.
+        A robot that drives away from a person does not meet them. ``least`` has a distance of the centres, m, for each.
         """
         here = self.base.pose
-        for px, py, vx, vy in people:
+        for (px, py, vx, vy), nearest in zip(people, least, strict=True):
             gap = math.hypot(px - here[0], py - here[1])
             for seconds in LOOKS:
                 later = seconds * self.braking
                 x, y = self.ahead(later)
                 then = math.hypot(px + later * vx - x, py + later * vy - y)
                 stays = math.hypot(px + later * vx - here[0], py + later * vy - here[1])
-                if then < min(least, stays, gap):
+                if then < min(nearest, stays, gap):
                     return True
         return False
 

@@ -163,9 +163,8 @@ class SteppedSession(LiveSession):
             **values | dict(zip(("x", "y", "yaw"), poses.T, strict=True))
         )
         found = [
-            distance_to_outline(model.platform, states, np.stack([x + vx * times, y + vy * times], axis=1))
-            - self._pedestrians.radius
-            for x, y, vx, vy in people
+            distance_to_outline(model.platform, states, np.stack([x + vx * times, y + vy * times], axis=1)) - radius
+            for (x, y, vx, vy), radius in zip(people, self.radii, strict=True)
         ]
         return np.reshape(found, (len(people), len(poses)))
 

@@ -98,3 +98,18 @@ def test_a_robot_drives_only_along_a_plan_that_the_planner_knows(
     session.say("go")
     session.go(1.0)
     assert session.live.drive is not None or session.robot.stands
+
+
+def test_each_person_is_passed_at_a_distance_for_the_own_width(session_of: Callable[..., SteppedSession]) -> None:
+    """She stands with a pram; a child stands beside a gap that would be too narrow if the child were as wide."""
+    people, widths = ((4.5, 3.9, 0.0, 0.0), (6.9, 4.0, 0.0, 0.0)), (0.7, 0.15)
+    session = session_of(lambda kind: 0.05, *people, room=ROOM.replace(SECOND, ""))
+    session._radii = widths
+    session.go(0.1)
+    session.say("destination", x=6.0, y=4.0)
+    options = session.wait_for("options")
+    session.say("take", option=options["cards"][0]["option"], asked=options["asked"])
+    assert session.go(60.0, lambda: session.told[-1]["type"] == "arrived")
+    assert tuple(person.radius for person in session.live.surroundings.people) == widths
+    assert session.met == []
+    assert session.gap > 0
