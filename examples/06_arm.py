@@ -3,10 +3,12 @@
 The cans are the stops of a tour, in any order: each tour on the front has its own.
 """
 
+from dataclasses import replace
 from math import radians
 from pathlib import Path
 
 import hpop
+from hpop.criteria import Rotation, trajectory_cost
 from hpop.models import SerialArm
 from hpop.view import save_pictures
 from hpop.world import Box, Cylinder, Solid, pose_at
@@ -66,6 +68,12 @@ def main(folder: Path = Path("out/06_arm"), samples: int = 300) -> hpop.Front:
         point = front.named()[name]
         order = " -> ".join(visit["stop"] for visit in front.provenance[point.index]["visits"])
         print(f"{name}: {order}; " + ", ".join(f"{cost} {value:.2f}" for cost, value in point.costs.items()))
+
+    # View: software turns the pictures of a 360-degree camera back, so that the viewer's view never rotates.
+    fastest = front.named()["least duration"].trajectory
+    unwound = replace(fastest, model=hpop.ViewModel(arm, "unwound"))
+    turned = [trajectory_cost(Rotation(), each, world) for each in (fastest, unwound)]
+    print(f"rotation of the fastest tour: {turned[0]:.2f} rad, with an unwound view {turned[1]:.2f} rad")
     save_pictures(problem, front, folder)
     return front
 

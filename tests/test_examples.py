@@ -320,7 +320,7 @@ def test_a_drive_is_chosen_anew_after_each_event_and_arrives(tmp_path, capsys):
 
 
 @pytest.mark.proof
-def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, monkeypatch):
+def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, monkeypatch, capsys):
     drawn = []
 
     def save_side(problem, front, folder):
@@ -335,6 +335,11 @@ def test_an_arm_looks_at_each_can_for_two_seconds_in_several_orders(tmp_path, mo
     arms = example("06_arm.py")
     front = arms.main(tmp_path, samples=60)
     assert drawn == [front]
+    said = re.findall(
+        r"rotation of the fastest tour: (\S+) rad, with an unwound view (\S+) rad", capsys.readouterr().out
+    )
+    rotation = front.named()["least duration"].costs["rotation"]
+    assert [float(number) for number in said[0]] == [pytest.approx(rotation, abs=0.01), 0.0]
     assert is_nondominated(front.costs).all()
     assert len({tuple(visit["stop"] for visit in origin["visits"]) for origin in front.provenance}) > 1
     for trajectory, origin in zip(front.trajectories, front.provenance, strict=True):

@@ -159,7 +159,7 @@ class Asking:
     metavar="N",
     help="Random seed, which decides which trajectory is a and which b. [any]",
 )
-@click.option("--check", is_flag=True, help="Test with 3 to 16 more questions whether a weighted sum fits the person.")
+@click.option("--check", is_flag=True, help="Test with 3 to 24 more questions whether a weighted sum fits the person.")
 @click.option("--web", is_flag=True, help="Ask on a page in a browser, on this machine only.")
 @click.option(
     "--language",
@@ -185,7 +185,7 @@ def prefer(
     """Ask a person to choose between pairs of trajectories.
 
     FOLDER holds the front that `hpop plan` wrote. Each question is the most informative one. Asking ends when the best
-    trajectory is known, after --most questions, or with "stop"; --check adds 3 to 16 questions. After Ctrl-C the
+    trajectory is known, after --most questions, or with "stop"; --check adds 3 to 24 questions. After Ctrl-C the
     answers are kept, and the same command continues. The answers and the inferred weights of costs are written to a
     file, for `hpop show --preference` and `choose` in a scenario.
     """

@@ -32,14 +32,14 @@ from hpop.preference.posterior import NOTICEABLE, Draws
 from hpop.preference.preference import ASKING, Preference
 from hpop.preference.tastes import Tastes, some_rows
 
-CHECKS = 16
+CHECKS = 24
 """Largest number of questions of a test."""
 LEAST_CHECKS = 3
 """Number of questions after which a test may end early."""
 SETTLED = -3.0, 3.0
 """Doubts below and above which a test ends early."""
 MOST_DOUBT = 0.0
-"""Doubt above which a weighted sum does not fit: then other tastes explain the answers better."""
+"""Doubt above which a weighted sum does not fit; at most some 5 % of people with a weighted sum have more."""
 LARGE_LOSS = 0.1
 """Share of a person's range of losses that the best row must cost people of the second model."""
 HELPFUL = 1.0

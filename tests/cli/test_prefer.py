@@ -86,10 +86,10 @@ def test_who_cannot_go_on_is_told_before_the_first_question(folder: Path, run: R
 
 @pytest.mark.usefixtures("without_pictures")
 def test_a_test_of_the_fit_asks_more_questions_and_its_result_is_printed(folder: Path, run: Run) -> None:
-    result = run("prefer", folder, "--seed", "1", "--most", "2", "--check", typed="a\n" * 30)
+    result = run("prefer", folder, "--seed", "1", "--most", "2", "--check", typed="a\n" * 40)
     assert result.exit_code == 0, result.output
     more = int(re.findall(r"(\d+) questions of the test", result.output)[0])
-    assert 3 <= more <= 16
+    assert 3 <= more <= 24
     assert result.output.count("Which of the two do you prefer?") == 2 + more
     assert len(Preference.load(folder / "preference.json").answers) == 2 + more
 
