@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
+from dataclasses import fields, is_dataclass
 from math import nan, radians
 from numbers import Integral
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, TypeVar, cast
 
 from hpop.base.text import is_number, is_whole, python_value, shown
 from hpop.errors import HpopError, OptionError, did_you_mean
@@ -228,3 +229,17 @@ def _bounds_text(least: float, most: float, beyond: bool) -> str:
 def _bound_text(bound: float) -> str:
     """Return one bound as text: 1000000.0 as "1,000,000"."""
     return f"{int(bound):,}" if bound == int(bound) else f"{bound:.6g}"
+
+
+def identity(value: Any) -> Hashable:
+    """Return a hashable key that is equal for equal immutable values; for a dataclass, its type and all its fields.
+
+    Raises TypeError for a value that cannot be hashed, and for a dataclass that is not frozen.
+    """
+    if not is_dataclass(value):
+        hash(value)
+        return cast(Hashable, value)
+    declared = vars(type(value)).get("__dataclass_params__")  # a subclass may hold more than fields
+    if declared is None or not declared.frozen:
+        raise TypeError(f"{type(value).__name__} may change")
+    return type(value), *(identity(getattr(value, field.name)) for field in fields(value))

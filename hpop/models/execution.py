@@ -33,6 +33,7 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.base.options import LEAST
 from hpop.models.laws import Run
+from hpop.models.ramps import WAY, limits_of
 from hpop.motions import HOLD, Law, Model, States
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CHANGE, CLOCK
@@ -53,13 +54,17 @@ class Ramps(NamedTuple):
 
     @classmethod
     def of(cls, model: Model) -> Ramps | None:
-        """Return the ramps of a model that executes moves as :class:`Run`; None for models that do not.
+        """Return the ramps of a model that executes moves as :class:`Run`, or steers; None for other models.
 
-        ``half`` is 0 for a base with several speeds: the changes of speed in its plans take this time already.
+        ``half`` is 0 for a base with several speeds, and for one that steers: the changes of speed in its plans, or
+        the stops about its runs, take this time already.
         """
         if model.speed_classes and CHANGE in model.laws:
             change: Any = model.laws[CHANGE]
             return cls(0.0, model.speed_classes[-1] ** 2 / (8.0 * change.acceleration))
+        if "steering" in model.provides:
+            speed, acceleration = limits_of(model)[WAY]
+            return cls(0.0, speed**2 / (8.0 * acceleration))
         run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None

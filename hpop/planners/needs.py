@@ -91,10 +91,7 @@ def _timed(model: Model) -> str:
     """Return which planners consider time for a model, or what it lacks, as a sentence for an error."""
     if "steering" not in model.provides:
         return "Use a planner that does, for a robot that moves in the plane: exact, lattice, roadmap or any-angle."
-    return (
-        f"No planner does for {model.name}: this needs motions straight ahead and turns in place (turn-move), as of "
-        "differential_drive, and a car moves on curves."
-    )
+    return "For a robot that steers, use one that does: exact on the graph primitives (exact: {on: primitives})."
 
 
 def in_plane(model: Model) -> PlanarModel:

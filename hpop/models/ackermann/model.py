@@ -206,7 +206,8 @@ class Ackermann(PlanarModel):
         """Return what the car really drives, and the times (n+1,), s, at which it passes the planned states.
 
         The car drives runs from rest to rest. It stops where it reverses, at holds, and where it must steer before it
-        can go on; there it stands for the change of the steering angle divided by the steering rate.
+        can go on; there it stands for the change of the steering angle divided by the steering rate. If the plan must
+        keep its times (``punctual``), each run lies in the middle of its planned time, or as soon after as possible.
         """
         return _executed(self, trajectory)
 
@@ -296,25 +297,32 @@ def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatA
     names, laws, states = robot.space.names, laws_of(robot), planned.states
     lengths, angles, passed = _lengths(robot, planned), robot.steering_angles(planned), np.zeros(len(planned) + 1)
     rows, kinds = [(*(float(getattr(states, name)[0]) for name in names), 0.0, 0.0)], list[str]()
-    now, clock, first = 0.0, 0.0, 0
+    now, clock, first, times = 0.0, 0.0, 0, planned.times
     angle = stood = 0.0  # rad, of the front wheels; s, for which the car has stood with them
     while first < len(planned):
         last = _run_end(robot, planned, lengths, angles, first)
+        way = np.append(0.0, np.cumsum(np.abs(lengths[first:last])))
+        top = robot.speed if lengths[first:last].sum() >= 0 else robot.reverse_speed
+        profile = rest_to_rest_ends(float(way[-1]), top, robot.acceleration)
         stands = planned.kinds[first] == HOLD.kind
-        if stands:
-            wait = float(np.diff(states.clock)[first])
+        if stands and planned.punctual and last < len(planned):
+            wait = 0.0  # the next run begins when it must
+        elif stands:
+            wait = float(times[last]) - now if planned.punctual else float(np.diff(states.clock)[first])
             stood += wait
         else:
             turned = abs(angles[0][first] - angle)
             wait = 0.0 if robot.steering_rate is None else turned / robot.steering_rate - stood
             angle, stood = angles[1][last - 1], 0.0
-        if stands or wait > LEAST:
+            if planned.punctual:
+                steps = np.diff(profile, axis=0)[:, 0], profile[:-1, 1] + profile[1:, 1]
+                lasts = float((2.0 * steps[0] / np.maximum(steps[1], LEAST)).sum())
+                wait = max(wait, 0.5 * float(times[first] + times[last] - lasts) - now, 0.0)
+                passed[: first + 1] = np.minimum(passed[: first + 1], now + wait)
+        if wait > LEAST or (stands and not planned.punctual):
             now, clock = now + wait, clock + wait
             rows.append((*rows[-1][:3], 0.0, clock))
             kinds.append(HOLD.kind)
-        way = np.append(0.0, np.cumsum(np.abs(lengths[first:last])))
-        top = robot.speed if lengths[first:last].sum() >= 0 else robot.reverse_speed
-        profile = rest_to_rest_ends(float(way[-1]), top, robot.acceleration)
         at, speed, near = 0.0, 0.0, min(LEAST, 1e-3 * float(way[-1]))
         for i, (begin, end) in enumerate(pairwise(way.tolist()), first):
             inside = profile[(profile[:, 0] > begin + near) & (profile[:, 0] < end - near), 0].tolist()
@@ -331,7 +339,7 @@ def _executed(robot: Ackermann, planned: Trajectory) -> tuple[Trajectory, FloatA
                 at, speed = stop, faster
                 rows.append((*pose, speed / robot.speed, clock))
                 kinds.append(robot.executed[planned.kinds[i]])
-            passed[i + 1] = now
+            passed[i + 1] = max(now, float(times[i + 1])) if stands and planned.punctual else now
         first = last
     columns = dict(zip((*names, PACE, CLOCK), np.array(rows).T, strict=True))
     wanted = (*names, *extras(planned.model, kinds))

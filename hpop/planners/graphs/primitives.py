@@ -20,6 +20,7 @@ from hpop.planners.graphs.arcs import Arcs, MotionChains, blocks
 from hpop.planners.graphs.family import BuiltGraph, GraphFamily, graph_family
 from hpop.planners.graphs.joined_ends import Ends
 from hpop.planners.graphs.lattice.arcs import RecordedMotions
+from hpop.planners.graphs.primitive_runs import PrimitiveRuns
 from hpop.planners.graphs.roadmap.configurations import PIECES, ConfigurationRoadmap
 from hpop.planners.graphs.roadmap.links import START
 from hpop.planners.graphs.roadmap.survey import concatenated_states, survey
@@ -74,6 +75,14 @@ class PrimitiveLattice(ConfigurationRoadmap):
         wanted = _keys(a[:, 2], b[:, :2] - a[:, :2], b[:, 2])
         place = np.clip(np.searchsorted(keys, wanted), 0, keys.size - 1)
         return np.where(inside & (keys[place] == wanted), numbers[place], -1)
+
+    def directions(self, tails: IntArray, heads: IntArray) -> IntArray:
+        """Return how primitives lead from nodes ``tails`` to ``heads`` (N,): 1 forwards, -1 backwards, 0 for none."""
+        return np.where(self._numbers(tails, heads) >= 0, 1, np.where(self._numbers(heads, tails) >= 0, -1, 0))
+
+    def with_runs(self) -> PrimitiveRuns:
+        """Return the graph for plans among moving people, in which each stop and each start takes its time."""
+        return PrimitiveRuns(cast(Ackermann, self.model), self.world, self, spending=self.spending)
 
     def chains(self, tails: IntArray, heads: IntArray) -> MotionChains:
         """Return the chains (N,) from nodes ``tails`` to ``heads``: primitives, and shortest paths to goals.
@@ -277,6 +286,10 @@ class PrimitivesGraph(GraphFamily):
         return BuiltGraph(
             Ends(lattice, lattice.start, lattice.goals), problem, _notes(lattice.step, cast(Ackermann, problem.model))
         )
+
+    def has_clock(self, problem: Problem) -> bool:
+        """Return True: with people who move, the car drives runs from rest to rest, and may wait between them."""
+        return True
 
     def lattice(self, problem: Problem, spending: Spending | None = None) -> PrimitiveLattice:
         """Return the lattice of a problem; raise QueryError if the start or every goal is blocked."""

@@ -44,12 +44,12 @@ if TYPE_CHECKING:
 def with_run_speeds(ends: Ends, model: Model) -> Ends:
     """Return the graph in which each straight run has one of the speeds of the model, for plans among moving people.
 
-    The given graph is returned if the model has one speed and one turn rate, or if the graph is not in the plane.
-    Raises ModelError for several turn rates without speeds.
+    Without several speeds or turn rates, or if the graph is not in the plane, it is the graph of its runs
+    (:meth:`.TrajectoryGraph.with_runs`). Raises ModelError for several turn rates without speeds.
     """
     space, alone = ends.space, ends.space.states_alone
     if not (model.speed_classes or model.paces) or alone is None:
-        return ends
+        return ends._replace(space=space.with_runs())
     runs = run_speed_graph(alone)
     layered = space.over_states(lambda _: runs)
 

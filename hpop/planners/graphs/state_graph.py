@@ -10,14 +10,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hpop.base.arrays import BoolArray, IntArray, copied
+from hpop.base.arrays import BoolArray, FloatArray, IntArray, copied
+from hpop.base.options import identity
 from hpop.criteria.base import Criterion
 from hpop.motions import Motions, PlaneCollision, States, collision_of, onward
 from hpop.motions.laws import SPEED
@@ -43,9 +44,13 @@ ARC = 16  # bytes of memory for an arc, without its costs
 
 @dataclass(frozen=True, eq=False)
 class StateGraph(TrajectoryGraph):
-    """Graph of robot states in the plane, numbered from 0, each arc of which is one collision-free motion."""
+    """Graph of robot states in the plane, numbered from 0, each arc of which is one collision-free motion.
+
+    turns_in_place  whether the robot may turn at each state; if not, it waits there in the heading of the state
+    """
 
     has_clock = True
+    turns_in_place: ClassVar[bool] = True
 
     model: PlanarModel
 
@@ -229,6 +234,26 @@ class StateGraph(TrajectoryGraph):
         except TypeError:
             return None
 
+    @property
+    def bends(self) -> tuple[float, float]:
+        """Largest curvature, 1/m, of the robot's motions, and its largest change per metre, 1/m²; by default none."""
+        return 0.0, 0.0
+
+    def legs(self, arcs: IntArray) -> Iterator[tuple[IntArray, Motions]]:
+        """Yield the motions of some arcs (N,), ascending: indices of the arcs, by default each once, and the motions.
+
+        An arc that is a chain of motions occurs several times, in order of time.
+        """
+        return self.motions_of(arcs)
+
+    def motion_counts(self, arcs: IntArray) -> IntArray:
+        """Return the number (N,) of motions in each of some arcs, without pauses; by default 1."""
+        return np.ones(arcs.size, np.int64)
+
+    def pauses(self, arcs: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pauses within arcs (N,), none by default: the arc's position, the motions before, and seconds."""
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+
     def motions_of(self, arcs: IntArray) -> Iterator[tuple[IntArray, Motions]]:
         """Yield the motions of some arcs (N,), given by their indices, in batches of one kind of motion.
 
@@ -339,20 +364,6 @@ class StateGraph(TrajectoryGraph):
         kinds[1:] = self.kinds_between(ids[:-1], ids[1:])
         laws = [self.model.laws[kind] for kind in self.kinds]
         return Stretches.through(self.model.space, laws, self.states(ids), kinds, sizes)
-
-
-def identity(value: Any) -> Hashable:
-    """Return a hashable key that is equal for equal immutable values; for a dataclass, its type and all its fields.
-
-    Raises TypeError for a value that cannot be hashed, and for a dataclass that is not frozen.
-    """
-    if not is_dataclass(value):
-        hash(value)
-        return cast(Hashable, value)
-    declared = vars(type(value)).get("__dataclass_params__")  # a subclass may hold more than fields
-    if declared is None or not declared.frozen:
-        raise TypeError(f"{type(value).__name__} may change")
-    return type(value), *(identity(getattr(value, field.name)) for field in fields(value))
 
 
 @dataclass(frozen=True, eq=False)

@@ -159,10 +159,8 @@ class TrajectoryGraph(ABC):
 
     model, world  the robot and its surroundings
     spending      time and memory used for building the graph, with the limits
-    has_clock     whether the graph can be searched in time steps, among moving people
-                  (:mod:`hpop.planners.graphs.timed`)
-    has_chains    whether all arcs are chains of motions from rest to rest, so that each may have a speed of its own
-                  (:mod:`.chain_speeds`)
+    has_clock     whether the graph can be searched in time steps (:mod:`hpop.planners.graphs.timed`)
+    has_chains    whether all arcs are chains from rest to rest, each with a speed of its own (:mod:`.chain_speeds`)
     """
 
     has_clock: ClassVar[bool] = False
@@ -251,6 +249,10 @@ class TrajectoryGraph(ABC):
     def over_states(self, change: Callable[[StateGraph], StateGraph]) -> TrajectoryGraph:
         """Return this graph on another graph of states: the one that ``change`` makes of `states_alone`."""
         raise NotImplementedError
+
+    def with_runs(self) -> TrajectoryGraph:
+        """Return the graph for plans among moving people, with times for stops and starts; by default itself."""
+        return self
 
     def driven(self, chains: MotionChains) -> MotionChains:
         """Return chains of motions of the model as this graph drives them at the fastest; by default, as they are."""

@@ -172,12 +172,12 @@ def test_a_car_that_cannot_turn_around_is_told_that_the_heading_is_out_of_reach(
     assert any("not in its heading" in note for note in found.notes) is not turns
 
 
-def test_moving_people_are_refused_with_the_capability_that_a_car_lacks():
+def test_planners_that_do_not_consider_time_name_the_one_that_does_for_a_car():
     walker = Person(10, 5, velocity=(-1, 0), name="Ann")
     world = hpop.World.from_polygons([], extent=shapely.box(0, 0, 20, 10)).with_content(people=[walker])
     problem = hpop.Problem(world, hpop.Ackermann(), (3, 2, 0), (17, 8, 0), ["length"])
-    for planner in ({"exact": {"on": "primitives"}}, "roadmap"):
-        with pytest.raises(QueryError, match=r"people who move: Ann\. No planner does for ackermann: .*\(turn-move\)"):
+    for planner in ("roadmap", {"weighted-sum": {"on": "primitives"}}):
+        with pytest.raises(QueryError, match=r"people who move: Ann\. For a robot that steers, use .*on: primitives"):
             problem.solve(planner)
 
 

@@ -12,7 +12,6 @@ from hpop.models import DifferentialDrive
 from hpop.motions import HOLD, Motions, States
 from hpop.planners.graph_planners import Lattice
 from hpop.planners.graphs.timed.assembly import timed_graph
-from hpop.planners.graphs.timed.legs import motions_of
 from hpop.world import Future, Person, Track
 from tests.planners.timed.rooms_with_people import ROBOT, through_the_doors
 from tests.planners.timed.seen import SeenFromTheCamera
@@ -57,7 +56,7 @@ def by_criterion(problem, timed, arcs, ticks):
     """Return the problem's one criterion on arcs of the lattice that are left at some ticks."""
     costs = np.empty(arcs.size)
     for i, (arc, tick) in enumerate(zip(arcs, ticks, strict=True)):
-        ((_, _, m),) = motions_of(timed.arcs.inner, np.array([arc]))
+        ((_, m),) = timed.arcs.inner.legs(np.array([arc]))
         then = Motions(problem.world, m.model, m.law, m.start, m.end, t0=np.array([tick * timed.clock.tick]))
         costs[i] = motion_costs(problem.criteria[0], then)[0]
     return costs

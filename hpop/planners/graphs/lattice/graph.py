@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hpop.base.arrays import BoolArray, FloatArray, IntArray, marked
+from hpop.base.options import identity
 from hpop.criteria.base import Criterion
 from hpop.errors import ModelError, OptionError
 from hpop.motions import States
 from hpop.planners.graphs.arcs import MOVE, Arcs, blocks
 from hpop.planners.graphs.lattice.arcs import costs_anywhere, in_place, lattice_arcs
 from hpop.planners.graphs.lattice.grid import Headings, passed_cells, what_separates
-from hpop.planners.graphs.state_graph import StateGraph, identity
+from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.needs import in_plane
 
 if TYPE_CHECKING:

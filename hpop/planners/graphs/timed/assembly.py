@@ -207,7 +207,7 @@ class _Assembly:
         if self.people_stop:
             (start, *_), reach = self.starts, clearance_radius(model, self.options.margin)
             people = tuple(yielding(person, (start.x, start.y), reach, start.time) for person in people)
-        return Safety.of(self.moving_people, model, self.options, self.starts, spending, people)
+        return Safety.of(self.moving_people, model, self.options, self.starts, spending, people, self.arcs.inner.bends)
 
     @cached_property
     def starts(self) -> tuple[Start, ...]:
@@ -367,7 +367,7 @@ class _Assembly:
 
         It must not stand near people, and never at a place whose nodes have a speed, where it can only drive on.
         """
-        cut = self.safety.cut(states.x, states.y, self.horizon)
+        cut = self.safety.cut(states.x, states.y, self.horizon, None if self.arcs.inner.turns_in_place else states.yaw)
         driving = ~self.space.at_rest(np.arange(self.space.size))
         cut[self.place[: self.space.size][driving]] = True
         return cut

@@ -164,3 +164,17 @@ class BlockedArcs(NamedTuple):
         table = np.zeros((arcs.size, horizon + 1), dtype=bool)
         table[which, ticks] = True
         return cls(arcs, table)
+
+
+def widened(table: BoolArray, slack: int) -> BoolArray:
+    """Extend a mask over ticks (q, H + 1) by ``slack`` ticks before and after each True; plans may be early or late."""
+    width = table.shape[1]
+    if not table.any() or not slack:
+        return table
+    some = np.flatnonzero(table.any(axis=1))
+    padded = np.pad(table[some], ((0, 0), (slack, slack)), mode="edge")
+    counts = np.cumsum(padded, axis=1, dtype=np.int32)
+    counts = np.pad(counts, ((0, 0), (1, 0)))
+    wide = table.copy()
+    wide[some] = counts[:, 2 * slack + 1 :] - counts[:, :width] > 0
+    return wide

@@ -47,6 +47,13 @@ class LegMotions(NamedTuple):
     after: FloatArray
     lasts: FloatArray
 
+    def take(self, rows: IntArray) -> LegMotions:
+        """Return the motions with the given indices; other arcs then have none of this kind."""
+        number = np.full(self.lasts.size + 1, -1, np.int64)
+        number[rows] = np.arange(rows.size)
+        start, end = self.start.take(rows), self.end.take(rows)
+        return LegMotions(self.kind, number[self.of], start, end, self.after[rows], self.lasts[rows])
+
 
 @dataclass(frozen=True, eq=False)
 class TimedArcs:
@@ -111,23 +118,22 @@ class TimedArcs:
 
         inner_tails = np.repeat(np.arange(inner.arcs.start.size - 1), np.diff(inner.arcs.start))
 
-        def timed(part: slice) -> list[tuple[IntArray, IntArray, FloatArray, IntArray, BoolArray]]:
-            columns = []
-            for number, rows, motions in motions_of(inner, np.arange(part.start, part.stop)):
-                seconds = np.broadcast_to(motions.duration, rows.size)
-                at = own[rows]
-                if number == MOVE:
-                    count = clock.along(motions.start, motions.end, seconds)
-                else:
-                    count = clock.in_place(seconds, space_places[inner_tails[rows]])
-                here = space_places[inner_tails[rows]] == space_places[inner.arcs.heads[rows]]
-                columns.append((at, rows, np.asarray(seconds), count, here))
-            return columns
+        def timed(part: slice) -> tuple[slice, FloatArray, IntArray]:
+            seconds = np.zeros(part.stop - part.start)
+            for rows, motions in inner.legs(np.arange(part.start, part.stop)):
+                seconds[rows - part.start] += motions.duration
+            begin, end = inner_tails[part], inner.arcs.heads[part].astype(np.int64)
+            count = clock.in_place(seconds, space_places[begin])
+            in_line = np.flatnonzero(inner.arcs.kinds[part] == MOVE)
+            ends = inner.states(begin[in_line]), inner.states(end[in_line])
+            count[in_line] = clock.along(*ends, seconds[in_line])
+            return part, seconds, count
 
-        for batch in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
-            for at, rows, seconds, count, in_place in batch:
-                tails[at], durations[at], ticks[at], stays[at] = inner_tails[rows], seconds, count, in_place
-                moves[at] = inner.arcs.kinds[rows] == MOVE
+        for part, seconds, count in space.spending.each(timed, blocks(size), f"{space.words} was timed"):
+            at, tail = own[part], inner_tails[part]
+            tails[at], durations[at], ticks[at] = tail, seconds, count
+            stays[at] = space_places[tail] == space_places[inner.arcs.heads[part]]
+            moves[at] = inner.arcs.kinds[part] == MOVE
         if space.joins is not None:
             seconds = np.zeros(joins.size)
             for rows, motions in space.joins.motions():
@@ -193,6 +199,20 @@ class TimedArcs:
         marked = np.flatnonzero(markers != NO_MARKER)
         return np.insert(nodes, marked + 1, (markers + offsets)[marked])
 
+    def motion_counts(self, arcs: IntArray) -> IntArray:
+        """Return the number (s,) of motions in each of some arcs, without pauses."""
+        if self.space.joins is None:
+            return self.inner.motion_counts(arcs)  # copies, at the end, are of single motions
+        number = np.ones(self.durations.size, np.int64)
+        number[self.joins] = np.sum(self.space.joins.present, axis=0)
+        number[number.size - self.copied.size :] = number[self.copied]
+        return np.asarray(number[arcs])
+
+    def pauses(self, arcs: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the pauses within some arcs (s,): for each the arc's position, the motions before it, and seconds."""
+        alone = self.space.joins is None and not self.copied.size
+        return self.inner.pauses(arcs if alone else arcs[:0])
+
     @cached_property
     def moving(self) -> IntArray:
         """Indices (r,), ascending, of the arcs that lead to another place: neither turns in place nor waits."""
@@ -231,9 +251,10 @@ class TimedArcs:
         row    (m,)  index of each arc among the wanted arcs; -1 if it is not wanted
         after  (m,)  s, from the departure on each arc to its first motion
         """
-        mine = row[self.own]
-        for _, rows, motions in motions_of(self.inner, np.flatnonzero(mine >= 0)):
-            yield _leg(size, mine[rows], motions, after[self.own[rows]])
+        mine, passed = row[self.own], after[self.own]
+        for rows, motions in self.inner.legs(np.flatnonzero(mine >= 0)):
+            yield _leg(size, mine[rows], motions, passed[rows])
+            passed[rows] += motions.duration
         if self.space.joins is None:
             return
         joined, elapsed = row[self.joins], after[self.joins]
@@ -264,17 +285,6 @@ def _numbered_places(places: IntArray) -> IntArray:
     numbers[inside] = (np.cumsum(used) - 1)[places[inside]]
     numbers[~inside] = used.sum() + np.arange(places.size - inside.sum())
     return numbers
-
-
-def motions_of(space: StateGraph, arcs: IntArray) -> Iterator[tuple[int, IntArray, Motions]]:
-    """Yield the motions of some arcs (N,), given in ascending order: for each kind its index, its arcs, the motions."""
-    kinds = space.arcs.kinds[arcs]
-    tails = np.searchsorted(space.arcs.start, arcs, side="right") - 1
-    heads = space.arcs.heads[arcs].astype(np.int64)
-    for number, kind in enumerate(space.kinds):
-        own = np.flatnonzero(kinds == number)
-        if own.size:
-            yield number, arcs[own], space.motions(kind, tails[own], heads[own])
 
 
 def _leg(rows: int, own: IntArray, motions: Motions, after: FloatArray) -> LegMotions:

@@ -345,7 +345,7 @@ def _probe(
     if not moves:
         held = States(**columns, **{CLOCK: np.zeros(x.size)})
         return HOLD, held, States(**columns, **{CLOCK: np.full(x.size, PROBE)}), np.full(x.size, PROBE)
-    law = model.laws["move"]
+    law = next(law for law in (model.laws.get("move"), *model.laws.values()) if law and "x" in law.varies)
     begin = States(**columns)
     a_metre = States(**columns | {"x": x + np.cos(yaw), "y": y + np.sin(yaw)})
     pace = np.broadcast_to(sum(phase.duration for phase in law.phases(begin, a_metre)), x.shape)  # s/m

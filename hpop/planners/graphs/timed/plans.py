@@ -219,10 +219,13 @@ class TimedPlans:
         first = np.flatnonzero(steps.arcs != HELD)[:1]
         if self.timed.arcs.stands[steps.arcs[first]].any():  # two holds at the start are one
             lasts[0] += self.timed.arcs.half
-        held = np.flatnonzero(lasts >= LEAST)
+        held, driven_steps = np.flatnonzero(lasts >= LEAST), np.flatnonzero(steps.arcs != HELD)
         motions = np.append(0, np.cumsum(self._motions(steps.arcs)))  # before each step
-        at, first_of = np.unique(motions[held], return_index=True)  # a visit and waits about it are one hold
-        return trajectory.with_holds(at, np.add.reduceat(lasts[held], first_of) if at.size else at, punctual=True)
+        own, before, seconds = self.timed.arcs.pauses(steps.arcs[driven_steps])
+        places = np.append(motions[held], motions[driven_steps[own]] + before)
+        at, which = np.unique(places.astype(np.int64), return_inverse=True)  # a visit and waits about it are one hold
+        together = np.bincount(which, np.append(lasts[held], seconds), minlength=at.size).astype(np.float64)
+        return trajectory.with_holds(at, together, punctual=True)
 
     def _motions(self, arcs: IntArray) -> IntArray:
         """Return the number (s,) of motions in each step of a plan; 0 for holds.
@@ -230,14 +233,9 @@ class TimedPlans:
         arcs  (s,)  arc of each step, HELD for a hold
         """
         moved = arcs != HELD
-        counts = moved.astype(np.int64)
-        space = self.timed.arcs.space
-        if space.joins is not None:
-            number = np.ones(self.timed.arcs.durations.size, np.int64)
-            number[self.timed.arcs.joins] = np.sum(space.joins.present, axis=0)
-            number[number.size - self.timed.arcs.copied.size :] = number[self.timed.arcs.copied]
-            counts[moved] = number[arcs[moved]]
-        return np.asarray(counts, dtype=np.int64)
+        counts = np.zeros(arcs.size, np.int64)
+        counts[moved] = self.timed.arcs.motion_counts(arcs[moved])
+        return counts
 
     def tolerance(self, costs: IntArray) -> FloatArray:
         """Return how much the re-evaluated costs of the plans may differ from their costs in the search, (n, k).

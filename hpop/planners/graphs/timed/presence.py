@@ -24,7 +24,7 @@ from hpop.planners.graphs.arcs import blocks
 from hpop.planners.graphs.joined_ends import JoinedEnds
 from hpop.planners.graphs.state_graph import StateGraph
 from hpop.planners.graphs.timed.clock import TickClock
-from hpop.planners.graphs.timed.legs import TimedArcs, motions_of
+from hpop.planners.graphs.timed.legs import TimedArcs
 from hpop.planners.graphs.timed.notice import MovingPeople, NoticeRanges
 from hpop.planners.graphs.trajectory_graph import TrajectoryGraph
 from hpop.runtime import limits
@@ -141,7 +141,7 @@ def _tried(space: StateGraph | JoinedEnds) -> Iterator[Motions]:
     size = inner.arcs.heads.size
     if size:
         sample = np.unique(np.linspace(0, size - 1, TRIED_ARCS).astype(np.int64))
-        yield from (motions for _, _, motions in motions_of(inner, sample))
+        yield from (motions for _, motions in inner.legs(sample))
         return
     if space.joins is not None:
         yield from (motions for _, motions in space.joins.motions() if len(motions))
@@ -248,7 +248,7 @@ def turn_as_they_stand(criteria: Sequence[Criterion], arcs: TimedArcs, presence:
     chosen, seconds = in_place[picked], presence.clock.seconds(ticks[tried[has_turns]])
     unique, which = np.unique(chosen, return_inverse=True)
     worst, largest = np.zeros(len(criteria)), np.zeros(len(criteria))
-    for _, rows, motions in motions_of(arcs.inner, unique):
+    for rows, motions in arcs.inner.legs(unique):
         number = np.searchsorted(rows, unique)
         own = np.flatnonzero(rows[np.minimum(number[which], rows.size - 1)] == chosen)
         rows_of = number[which[own]]

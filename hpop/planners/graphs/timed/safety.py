@@ -20,8 +20,8 @@ There may be several starts at different times: the places at which a drive may 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any, NamedTuple
@@ -32,27 +32,25 @@ from hpop.base.arrays import BoolArray, FloatArray, IntArray
 from hpop.errors import QueryError
 from hpop.models.collision import Part
 from hpop.models.execution import Ramps
-from hpop.planners.graphs.timed.clock import SLACK, BlockedArcs, TickClock, TimeOptions
+from hpop.motions import Law, is_curve, laws_of
+from hpop.planners.graphs.timed.clock import SLACK, BlockedArcs, TickClock, TimeOptions, widened
 from hpop.planners.graphs.timed.legs import LegMotions
 from hpop.planners.graphs.timed.notice import MovingPeople
+from hpop.planners.graphs.timed.outlines import Place, nearer_than, of_rows, to_parts, to_segments, to_strips
 from hpop.planners.graphs.timed.pieces import (
     SIGMAS,
     MotionPieces,
     PersonMotion,
-    Place,
     Separation,
+    Swing,
     clear_distance,
-    of_rows,
+    near_people,
     strips,
-    to_parts,
-    to_segments,
-    to_strips,
 )
 from hpop.planners.spending import Spending
 from hpop.world.content.people import Person
 
 TOUCH = 1e-9  # m, rounding error of distances
-PAIRS = 1 << 20  # number of pairs of an arc and a tick in one block
 LEAVING = 5.0  # s after a start, within which the robot may leave a person's margin
 SOON = 1.0  # s after a start, within which a person may approach so that the robot may leave
 EARLY = 1e-3  # share of a piece after which its gap is compared with the gap at its beginning
@@ -77,6 +75,8 @@ class Safety:
     margin   m  gap to keep from people
     starts   where plans begin; empty if the robot comes from outside every person's margin
     stray    m  largest distance of the robot from its planned position along the path
+    laws     motion laws of the robot, by kind
+    bends    largest curvature of its paths, 1/m, and largest change of the curvature per metre, 1/m²
     """
 
     parts: Sequence[Part]
@@ -86,6 +86,8 @@ class Safety:
     starts: tuple[Start, ...]
     stray: float
     spending: Spending
+    laws: Mapping[str, Law] = field(default_factory=dict)
+    bends: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(
@@ -96,13 +98,20 @@ class Safety:
         starts: tuple[Start, ...],
         spending: Spending,
         people: Sequence[Person] | None = None,
+        bends: tuple[float, float] = (0.0, 0.0),
     ) -> Safety:
         """Return the constraints for all possible futures of the moving people, or of ``people`` instead."""
         moving = moving_people.people if people is None else people
-        people = tuple(each for person in moving for _, each in person.hypotheses)
+        futures = tuple(each for person in moving for _, each in person.hypotheses)
         ramps = Ramps.of(model)
         stray = 0.0 if ramps is None else ramps.stray  # if unknown, each execution is checked
-        return cls(model.platform, people, TickClock(options.tick), options.margin, starts, stray, spending)
+        clock, laws = TickClock(options.tick), laws_of(model)
+        return cls(model.platform, futures, clock, options.margin, starts, stray, spending, laws, bends)
+
+    @cached_property
+    def swing(self) -> Swing:
+        """How far the robot may be beside its plan."""
+        return Swing(self.reach, self.stray, *self.bends)
 
     @cached_property
     def reach(self) -> float:
@@ -187,11 +196,6 @@ class Safety:
                         "start or the person, or plan for a time when they are apart."
                     )
 
-    @cached_property
-    def _left_by(self) -> int:
-        """Last tick at which a robot may still leave people who are too near to its start."""
-        return self.clock.up_to(self._leaves_until)
-
     @property
     def _leaves_until(self) -> float:
         """Last time on the clock, s, at which a robot may still leave people who are too near to its start."""
@@ -205,8 +209,11 @@ class Safety:
         stays = any(person.there(seconds + SLACK) > 0 for person in self.about_start)
         return max(seconds, self._leaves_until) if stays else seconds
 
-    def cut(self, x: FloatArray, y: FloatArray, horizon: int) -> BoolArray:
-        """Return at which ticks, up to a horizon H, the robot must not stand at places (P,): a mask (P, H + 1)."""
+    def cut(self, x: FloatArray, y: FloatArray, horizon: int, yaw: FloatArray | None = None) -> BoolArray:
+        """Return at which ticks, up to a horizon H, the robot must not stand at places (P,): a mask (P, H + 1).
+
+        yaw  (P,)  rad, heading in which the robot stands; None if it may have any
+        """
         from scipy.spatial import KDTree  # slow to import
 
         cut = np.zeros((x.size, horizon + 1), dtype=bool)
@@ -224,8 +231,14 @@ class Safety:
             for tick in np.flatnonzero(walk.there & (near > 0)).tolist():
                 own = np.array(candidates[tick], np.int64)
                 relative = (x[own] - x0[tick], y[own] - y0[tick], x[own] - x1[tick], y[own] - y1[tick])
-                cut[own, tick] |= to_segments(*relative) < near[tick] - TOUCH
-        return self._widened(cut)
+                inside = to_segments(*relative) < near[tick] - TOUCH
+                if yaw is not None and not self._round and (rows := np.flatnonzero(inside)).size:
+                    ends = [(-relative[i][rows], -relative[i + 1][rows]) for i in (0, 2)]
+                    least = need.gap[tick] - TOUCH + person.radius + walk.stray[tick]
+                    least += self.stray + self.swing.standing
+                    inside[rows] = nearer_than(self.parts, yaw[own[rows]], ends, least)
+                cut[own, tick] |= inside
+        return widened(cut, self.clock.up_to(SLACK))
 
     def blocked(self, legs: Sequence[LegMotions], first: int, horizon: int) -> BlockedArcs:
         """Return the departure ticks, 0 to ``horizon``, at which people block arcs.
@@ -236,7 +249,10 @@ class Safety:
         first  arcs with this index and larger ones begin plans
         """
         rows, ticks = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
-        for pieces in (MotionPieces.of(leg, self.clock) for leg in legs):
+        for leg in legs:
+            law = self.laws[leg.kind]
+            some = near_people(leg, law, self._walked(leg, horizon), self.swing) if is_curve(law) else leg
+            pieces = MotionPieces.of(some, self.clock, law, self.swing)
             for person in self.people:
                 for own, tick in self._near(pieces, person, horizon):
                     part = pieces.take(own)
@@ -246,34 +262,28 @@ class Safety:
                     rows.append(part.row[hit])
                     ticks.append(tick[hit])
         blocked = BlockedArcs.of(np.concatenate(rows), np.concatenate(ticks), horizon)
-        table = self._widened(blocked.table)
+        table = widened(blocked.table, self.clock.up_to(SLACK))
         begins = blocked.rows >= first
         table[begins, 0] = blocked.table[begins, 0]
         return BlockedArcs(blocked.rows, table)
 
+    def _walked(self, leg: LegMotions, horizon: int) -> Iterator[tuple[Person, FloatArray, float]]:
+        """Yield each person with times (T,), s, while motions last, and a distance, m, that is then enough."""
+        last = horizon + self.clock.up_to(float((leg.after + leg.lasts).max(initial=0.0)))
+        seconds = self.clock.seconds(np.arange(last + 1))
+        for person in self.people:
+            yield person, seconds, float(self._axis(person, self.needed(person, seconds, self.margin)).max())
+
     def _near(self, pieces: MotionPieces, person: Person, horizon: int) -> Iterator[tuple[IntArray, IntArray]]:
-        """Yield all pairs of a piece and a departure tick, 0 to ``horizon``, at which it may be near a person.
-
-        They come in blocks of two arrays (N,): indices of pieces, and departure ticks of the arcs of these pieces.
-        """
-        from scipy.spatial import KDTree  # slow to import
-
-        seconds = self.clock.seconds(np.arange(horizon + 1))
+        """Yield the pairs of :meth:`.MotionPieces.pairs` for a person."""
+        last, longest = horizon + int(pieces.after.max(initial=0)), int(pieces.lasts.max(initial=0))
+        seconds = self.clock.seconds(np.arange(last + 1))  # at which pieces begin
         need = self.needed(person, seconds, self.margin)
-        near = float(self._axis(person, need).max()) + self.stray
-        (ax, ay), (bx, by) = pieces.start, pieces.end
-        half = 0.5 * float(np.hypot(bx - ax, by - ay).max(initial=0.0))
-        walked = person.speed * self.clock.tick * int((pieces.after + pieces.lasts).max(initial=0))
+        near = float(self._axis(person, need).max()) + self.stray + person.speed * self.clock.tick * longest
         at = np.stack(np.broadcast_arrays(*person.at(seconds), seconds)[:2], axis=1)
-        middles = KDTree(0.5 * np.stack([ax + bx, ay + by], axis=1))
-        step = max(1, PAIRS // max(1, pieces.row.size))
-        for begin in range(0, seconds.size, step):
+        for pairs in pieces.pairs(at, near, horizon):
             self.spending.check(DOING)
-            candidates = middles.query_ball_point(at[begin : begin + step], near + walked + half)
-            counts = np.array([len(rows) for rows in candidates])
-            if counts.any():
-                own = np.concatenate([np.array(rows, np.int64) for rows in candidates])
-                yield own, np.repeat(begin + np.arange(counts.size), counts)
+            yield pairs
 
     def _hits(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Return which pieces (N,), beginning at ticks (N,), come too near to a person."""
@@ -281,30 +291,38 @@ class Safety:
         need = self._needed_on(person, tick, pieces.lasts, self.margin)
         seen = walk.seen_from(pieces)
         near, stray = self._axis(person, need), self.stray
-        distance = to_segments(*seen[0], *seen[1]) - walk.stray
+        unsure = walk.stray + pieces.off
+        distance = to_segments(*seen[0], *seen[1]) - unsure
         hit: BoolArray = walk.there & (distance < near + stray - TOUCH)
         some = np.flatnonzero(hit & pieces.moves)
         corners = strips(pieces.take(some), seen, some, stray)
-        hit[some] = to_strips(corners) - walk.stray[some] < near[some] - TOUCH
+        hit[some] = to_strips(corners) - unsure[some] < near[some] - TOUCH
         if self._round:
             return hit
         own = np.flatnonzero(hit[some])
         some, corners = some[own], of_rows(corners, own)
-        hit[some] = self._outline_gaps(pieces, some, corners, person, walk) < need.gap[some] - TOUCH
+        hit[some] = self._nearer(pieces, some, corners, person, walk, need.gap[some])
         some = np.flatnonzero(hit & pieces.stands)
         ends = of_rows(seen, some)
-        hit[some] = self._outline_gaps(pieces, some, ends, person, walk) - stray < need.gap[some] - TOUCH
+        hit[some] = self._nearer(pieces, some, ends, person, walk, need.gap[some] + stray)
         return hit
 
-    def _outline_gaps(
-        self, pieces: MotionPieces, rows: IntArray, corners: tuple[Place, ...], person: Person, walk: PersonMotion
-    ) -> FloatArray:
-        """Return the gaps (N,), m, between the robot and a person who may be anywhere in the hull of ``corners``.
+    def _nearer(
+        self,
+        pieces: MotionPieces,
+        rows: IntArray,
+        corners: tuple[Place, ...],
+        person: Person,
+        walk: PersonMotion,
+        gap: FloatArray,
+    ) -> BoolArray:
+        """Return where the robot is nearer than a gap (N,), m, to a person anywhere in the hull of ``corners``.
 
         rows     (N,)  indices of the pieces, in which the robot does not turn
         corners        positions of the person relative to the robot's axis, m, along the axes of the map
         """
-        return to_parts(self.parts, pieces.yaw[rows], corners) - person.radius - walk.stray[rows]
+        least = gap - TOUCH + person.radius + walk.stray[rows] + pieces.off[rows]
+        return nearer_than(self.parts, pieces.yaw[rows], corners, least)
 
     def _leaves(self, pieces: MotionPieces, tick: IntArray, person: Person) -> BoolArray:
         """Return which pieces (N,), beginning at ticks (N,), are allowed since they leave a person near a start.
@@ -322,17 +340,17 @@ class Safety:
         each = [np.hypot(moves.start[0] - start.x, moves.start[1] - start.y) < TOUCH for start in self.starts]
         corners = strips(moves, seen, some, self.stray, np.logical_or.reduce(each))
         distance[some] = to_strips(corners)
-        clear = distance - walk.stray >= near - TOUCH
+        clear = distance - walk.stray - pieces.off >= near - TOUCH
         if not self._round:
             own = np.flatnonzero(~clear[some])
             some, corners = some[own], of_rows(corners, own)
-            clear[some] = self._outline_gaps(pieces, some, corners, person, walk) >= touch.gap[some] - TOUCH
+            clear[some] = ~self._nearer(pieces, some, corners, person, walk, touch.gap[some])
             some = np.flatnonzero(inside & pieces.stands)
             ends = of_rows(seen, some)
-            clear[some] |= self._outline_gaps(pieces, some, ends, person, walk) >= touch.gap[some] - TOUCH
+            clear[some] |= ~self._nearer(pieces, some, ends, person, walk, touch.gap[some])
         if person in self.touched:
             clear |= self._parts_from(pieces, tick, person, touch)
-        leaves: BoolArray = inside & clear & (tick <= self._left_by)
+        leaves: BoolArray = inside & clear & (tick <= self.clock.up_to(self._leaves_until))
         return leaves
 
     def _parts_from(self, pieces: MotionPieces, tick: IntArray, person: Person, touch: Separation) -> BoolArray:
@@ -349,11 +367,11 @@ class Safety:
         (ax, ay), (bx, by) = pieces.start, pieces.end
         x, y = person.at(times)
         x, y = x - ax[:, None] - share * (bx - ax)[:, None], y - ay[:, None] - share * (by - ay)[:, None]
-        parts = np.ones(tick.size, dtype=bool)
+        parts: BoolArray = pieces.off <= 0.0
         if self._round:
             in_contact = np.hypot(x[:, 0], y[:, 0]) < self._axis(person, touch) + self.stray
         else:
-            parts = pieces.moves | pieces.stands
+            parts &= pieces.moves | pieces.stands
             in_contact = to_parts(self.parts, pieces.yaw, [(x[:, 0], y[:, 0])]) - person.radius < touch.gap + self.stray
         for (x0, x1), (y0, y1), (since, until) in zip(*(pairwise(c.T) for c in (x, y, times)), strict=True):
             dx, dy = x1 - x0, y1 - y0
@@ -372,19 +390,6 @@ class Safety:
         """
         each = [self.needed(person, self.clock.seconds(tick + share * lasts), margin) for share in (0.0, 0.5, 1.0)]
         return Separation(*(np.maximum.reduce([getattr(need, name) for need in each]) for name in Separation._fields))
-
-    def _widened(self, table: BoolArray) -> BoolArray:
-        """Extend a mask over ticks (q, H + 1) by SLACK before and after each True, as plans may be early or late."""
-        slack, width = self.clock.up_to(SLACK), table.shape[1]
-        if not table.any() or not slack:
-            return table
-        some = np.flatnonzero(table.any(axis=1))
-        padded = np.pad(table[some], ((0, 0), (slack, slack)), mode="edge")
-        counts = np.cumsum(padded, axis=1, dtype=np.int32)
-        counts = np.pad(counts, ((0, 0), (1, 0)))
-        wide = table.copy()
-        wide[some] = counts[:, 2 * slack + 1 :] - counts[:, :width] > 0
-        return wide
 
 
 def _apart(start: Start, person: Person, seconds: FloatArray) -> FloatArray:
