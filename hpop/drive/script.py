@@ -19,7 +19,7 @@ from hpop.drive.options import Option, Options
 from hpop.drive.plan import until
 from hpop.drive.storage import NOTED, Change, read
 from hpop.drive.wishes import NOTICE, PATIENCE
-from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError
+from hpop.errors import CoversRobot, DriveError, HpopError, OptionError, QueryError, UnsupportedModel
 from hpop.frontier.choices import Preferring
 from hpop.frontier.strict_json import plain
 from hpop.planners.base import Planner, PlannerSpec, make_planner
@@ -268,7 +268,8 @@ def follow(
 
     Raises QueryError if the front belongs to another problem; DriveError for a choice that is no point of the front,
     for a plan with motions other than turns, straight moves and holds, and for a planner without a graph;
-    UnsupportedModel for a planner with a graph that the robot cannot drive.
+    UnsupportedModel for a robot without straight moves and turns in place (``turn-move``), such as a car, and for a
+    planner with a graph that the robot cannot drive.
     """
     if not isinstance(problem, Problem):
         raise DriveError(f"problem must be an hpop.Problem, got {shown(problem)}")
@@ -278,6 +279,12 @@ def follow(
         raise QueryError(
             "the front belongs to another problem than the one given; give its own problem, "
             "hpop.Problem.from_description(front.problem)"
+        )
+    if not problem.model.provides >= {"turn-move"}:
+        raise UnsupportedModel(
+            "a drive needs a robot with straight moves and turns in place (turn-move), between which its plan may "
+            f"change; {problem.model.name} lacks them. Execute the plan with trajectory.execution(), and plan again "
+            "from where the robot stands"
         )
     preference = choice if isinstance(choice, Preferring) else None
     point = chosen_point(front, choice) if preference is None else front.select(preference=preference)
