@@ -33,7 +33,6 @@ from hpop.base.arrays import FloatArray
 from hpop.base.math import wrap
 from hpop.base.options import LEAST
 from hpop.models.laws import Run
-from hpop.models.ramps import WAY, limits_of
 from hpop.motions import HOLD, Law, Model, States
 from hpop.motions.by_law import extras
 from hpop.motions.laws import CHANGE, CLOCK
@@ -63,8 +62,8 @@ class Ramps(NamedTuple):
             change: Any = model.laws[CHANGE]
             return cls(0.0, model.speed_classes[-1] ** 2 / (8.0 * change.acceleration))
         if "steering" in model.provides:
-            speed, acceleration = limits_of(model)[WAY]
-            return cls(0.0, speed**2 / (8.0 * acceleration))
+            ramp: Any = model.laws[next(iter(model.executed.values()))]
+            return cls(0.0, ramp.speed**2 / (8.0 * ramp.acceleration))
         run = model.laws.get(model.executed.get("move", ""))
         if not isinstance(run, Run):
             return None

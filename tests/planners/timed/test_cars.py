@@ -28,6 +28,7 @@ from tests.search.timed.enumeration import front_by_enumeration
 from tests.search.timed.instances import TimedQuery
 
 CAR = hpop.Ackermann()
+FORWARDS = hpop.Ackermann(reverse_speed=0.0, steering_rate=None)
 GRAPH = PrimitivesGraph(step=0.5)
 STEP = 0.02  # s
 TOUCH = 1e-3  # m, by which the judge may err between two moments
@@ -122,9 +123,8 @@ def test_a_car_waits_for_a_person_or_goes_first():
 def test_the_front_is_that_of_all_walks_with_waits(seed):
     """All vectors of all walks with holds on a coarse clock, in plain Python, without dominance."""
     rng = np.random.default_rng(seed)
-    walker = Person(*rng.uniform([1.5, 0.3], [3.0, 1.5]), velocity=tuple(rng.uniform(-0.4, 0.4, 2)))
-    car = hpop.Ackermann(reverse_speed=0.0, steering_rate=None)
-    problem = road(walker, car=car, size=(4.4, 1.8))
+    walker = Person(*rng.uniform([2.4, 0.3], [3.6, 1.5]), velocity=tuple(rng.uniform(-0.4, 0.4, 2)))
+    problem = road(walker, car=FORWARDS, size=(4.4, 1.8))
     options = TimeOptions(clock=0.5, hold=1.0, arrive_by=9.0)
     objectives = edge_objectives(problem.criteria, "exact")
     (built,) = GRAPH.toured_graphs(problem, objectives, Spending())
@@ -135,6 +135,50 @@ def test_the_front_is_that_of_all_walks_with_waits(seed):
     assert sorted(map(tuple, paths.costs.tolist())) == sorted(expected)
 
 
+@pytest.mark.proof
+@pytest.mark.parametrize("seed", range(1, 8))  # with 0, the person stays near the start
+def test_no_plan_that_keeps_well_clear_is_missing(seed):
+    """Plans are enumerated with waits at the start; each that is 0.5 m clear, even 0.3 s early or late, is covered.
+
+    The times of a plan are computed here: a run of length L lasts L/v, and v/2a before and after it.
+    """
+    rng = np.random.default_rng(seed)
+    walker = Person(*rng.uniform([2.6, 0.5], [3.6, 2.0]), velocity=(rng.uniform(-0.3, 0.3), rng.uniform(0.5, 1.0)))
+    world = World.from_polygons([], extent=shapely.box(0, 0, 6, 5)).with_content(people=[walker])
+    problem = Problem(world, FORWARDS, (0.8, 2.5, 0.0), (4.6, 3.2, None), ["length", "duration"])
+    front, lattice = problem.solve({"exact": {"on": GRAPH.spec}}), GRAPH.lattice(problem)
+    half, counted = FORWARDS.speed / (2 * FORWARDS.acceleration), 0
+    for nodes in _paths(lattice, 5):
+        runs = [nodes[:-1], nodes[-2:]] if len(nodes) > 2 else [nodes]
+        ways = [lattice.trajectories([np.array(run)])[0] for run in runs]
+        for waits in (0.0, *np.arange(1.0, 6.0, 0.25).tolist()):
+            begins, clear, stands = 0.0, math.inf, waits
+            for way in ways:
+                run = way.with_holds(np.array([0, len(way)]), np.array([stands + half, half]))
+                clear = min([clear, *(_apart(problem, run, begins + late, 0.0) for late in (-0.3, 0.0, 0.3))])
+                begins, stands = begins + run.duration, 0.0
+            if clear > 0.5:
+                counted += 1
+                length = sum(way.duration for way in ways) * FORWARDS.speed
+                slack = np.array([1e-3, 0.05 * (len(nodes) + 2)])
+                assert (front.costs <= np.array([length, begins]) + slack).all(axis=1).any()
+    assert counted > 40
+
+
+def _paths(lattice, most: int) -> list[list[int]]:
+    """Return all paths of a lattice from its start to a goal with at most some arcs."""
+    found, open_paths = list[list[int]](), [[lattice.start]]
+    while open_paths:
+        path = open_paths.pop()
+        for head in lattice.arcs.heads[slice(*lattice.arcs.start[path[-1] : path[-1] + 2])].tolist():
+            if head in lattice.goals:
+                found.append([*path, head])
+            elif len(path) < most:
+                open_paths.append([*path, head])
+    return found
+
+
+@pytest.mark.proof
 def test_a_run_stands_before_and_after_it_and_turns_around_only_at_rest():
     """Start and stop take v/2a each, by the speed in their direction; directions change only where the car stands."""
     car = hpop.Ackermann(steering_rate=None)
@@ -200,7 +244,7 @@ def _both(motions) -> hpop.motions.States:
 
 def _apart(problem: Problem, way: Trajectory, begins: float, ahead: float) -> float:
     """Return the least gap, m, of a motion that begins at a time, s, to people, where it is ahead by some time, s."""
-    times = np.linspace(0.0, way.duration, 40)
+    times = np.linspace(0.0, way.duration, 40 + int(20 * way.duration))
     states = way.at(np.clip(times + ahead, 0.0, way.duration))
     corners = np.array(CAR.footprint)
     cos, sin = np.cos(states.yaw)[:, None], np.sin(states.yaw)[:, None]
