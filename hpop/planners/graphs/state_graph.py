@@ -44,13 +44,10 @@ ARC = 16  # bytes of memory for an arc, without its costs
 
 @dataclass(frozen=True, eq=False)
 class StateGraph(TrajectoryGraph):
-    """Graph of robot states in the plane, numbered from 0, each arc of which is one collision-free motion.
-
-    turns_in_place  whether the robot may turn at each state; if not, it waits there in the heading of the state
-    """
+    """Graph of robot states in the plane, numbered from 0, each arc of which is one collision-free motion."""
 
     has_clock = True
-    turns_in_place: ClassVar[bool] = True
+    turns_in_place: ClassVar[bool] = True  # if not, the robot waits at a state in its heading
 
     model: PlanarModel
 
@@ -240,10 +237,7 @@ class StateGraph(TrajectoryGraph):
         return 0.0, 0.0
 
     def legs(self, arcs: IntArray) -> Iterator[tuple[IntArray, Motions]]:
-        """Yield the motions of some arcs (N,), ascending: indices of the arcs, by default each once, and the motions.
-
-        An arc that is a chain of motions occurs several times, in order of time.
-        """
+        """Yield the motions of arcs (N,), ascending, with their arcs, which occur once for each of their motions."""
         return self.motions_of(arcs)
 
     def motion_counts(self, arcs: IntArray) -> IntArray:

@@ -226,10 +226,7 @@ class TrajectoryGraph(ABC):
         return self
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs by these criteria are cached, so that :meth:`graph` is fast.
-
-        If not, a planner may look for a quick first path before it computes all costs. By default True.
-        """
+        """Return whether the costs of all arcs are cached; if not, planners may seek a first path before. Default True."""
         return True
 
     @property

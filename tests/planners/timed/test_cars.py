@@ -16,9 +16,9 @@ import hpop
 from hpop.models.execution import Ramps
 from hpop.motions import HOLD, laws_of
 from hpop.planners.graphs import PrimitivesGraph
+from hpop.planners.graphs.timed import timed_query
 from hpop.planners.graphs.timed.clock import TimeOptions
 from hpop.planners.graphs.timed.outlines import nearer_than, to_parts
-from hpop.planners.graphs.timed.timing import timed_query
 from hpop.planners.objectives import edge_objectives
 from hpop.planners.spending import Limits, Spending
 from hpop.problems.problem import Problem

@@ -27,7 +27,7 @@ BETWEEN = 2  # points per tick at which a person's path is compared with a strai
 
 
 class Swing(NamedTuple):
-    """How far a robot may be beside its plan while it executes a path with curves.
+    """Distances by which a robot may be beside its plan while it executes a path with curves.
 
     reach        m     largest distance of a point of the robot from its axis
     stray        m     largest distance by which it is ahead of its plan or behind it, along the path

@@ -110,7 +110,7 @@ class Safety:
 
     @cached_property
     def swing(self) -> Swing:
-        """How far the robot may be beside its plan."""
+        """Distances by which the robot may be beside its plan."""
         return Swing(self.reach, self.stray, *self.bends)
 
     @cached_property
