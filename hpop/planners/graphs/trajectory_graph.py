@@ -226,7 +226,7 @@ class TrajectoryGraph(ABC):
         return self
 
     def costed(self, criteria: Sequence[Criterion]) -> bool:
-        """Return whether the costs of all arcs are cached; if not, planners may seek a first path before. Default True."""
+        """Return whether the costs of all arcs are cached; if not, planners may seek a path before. True by default."""
         return True
 
     @property
