@@ -68,8 +68,8 @@ class Smoothing:
     A tour is smoothed leg by leg, with the states at its stops fixed; the robot comes to rest at each of them.
 
     Cost: a program is built once for each sequence of straight and turning phases, in 80 to 200 ms. Solving it takes 50
-    to 200 ms, for energy and optic flow one or two seconds; the second program takes as long. One in two to eight
-    polylines is solved again, because the first solution collides between two samples.
+    to 200 ms, for energy, optic flow and doses one or two seconds; the second program takes as long. One in two to
+    eight polylines is solved again, because the first solution collides between two samples.
     """
 
     needs: ClassVar[frozenset[str]] = frozenset({"plane", "turn-move", "rigid", "wheels"})
