@@ -64,7 +64,7 @@ class OfferedDrive:
         self._checked = (), self.surroundings, set(), set()  # numbers of clear ways; motions that begin blocked ones
         self.took = 0.0  # s, that finding the ways of the drive last took
         self._pushes = 0  # number of pushes that have changed the plan beside a request
-        self._pushed = -math.inf  # s, time of the last push beside a request
+        self._pushed = -math.inf  # s, time of the last push beside a request, or of the last options
         self.clock: Callable[[], float] = lambda: -math.inf
 
     def _offer_rest(
@@ -81,7 +81,9 @@ class OfferedDrive:
             return None
         while True:
             pushes, surroundings = self._pushes, self.surroundings
-            now, began = max(now, self._pushed), perf_counter()
+            with self.changing:  # a push that was sent before this event may come after it
+                now = self._pushed = max(now, self._pushed)
+            began = perf_counter()
             try:
                 options = self.drive.options(now, lead + self.brakes, within)
             except HpopError:
@@ -172,7 +174,7 @@ class OfferedDrive:
         with self.changing:
             if self.drive is None or self.offer is None or not self._stands(self.offer, now):
                 return
-            self._pushed = now
+            now = self._pushed = max(now, self._pushed)
             for message in self._answer(now, pose[2] + direction):
                 self._pushes += message["type"] == "taken"
                 yield message

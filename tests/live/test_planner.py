@@ -110,6 +110,16 @@ def test_a_push_just_after_a_new_destination_was_taken_takes_the_nearest_of_the_
     assert gaps[pushed["option"]] == pytest.approx(min(gaps), abs=1e-9)
 
 
+def test_a_push_that_was_sent_while_the_ways_of_a_new_destination_were_checked_is_followed(
+    planner: LivePlanner,
+) -> None:
+    options = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    planner.clock = lambda: 0.4
+    list(planner.take(0.0, START, options["cards"][0]["option"]))
+    kinds = [message["type"] for message in planner.push_at_once(0.1, START, 1.2)]
+    assert kinds == ["pushed", "plan", "taken"]
+
+
 def test_a_push_takes_the_nearest_way_that_is_open_and_none_if_there_is_none(planner: LivePlanner) -> None:
     list(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}))
     assert planner.offer is not None
