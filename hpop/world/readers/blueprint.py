@@ -164,20 +164,21 @@ def contrast(colours: FloatArray, alpha: FloatArray | None) -> FloatArray:
     return np.asarray((1.0 - luminance) / (1.0 + luminance))
 
 
-def contrasts_of(cells: BoolArray, percent: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
-    """Return the contrast (H, W), %, of obstacle cells from that of their pixels, and a note on them.
+def contrasts_of(cells: BoolArray, drawn: BoolArray, percent: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], str]:
+    """Return the contrast (H, W), %, of solid cells from that of the drawn obstacles among them, and a note on these.
 
-    The highest contrast of an obstacle within :data:`EDGE` pixels counts: blurred edges have that of the inside.
+    The highest contrast of an obstacle within :data:`EDGE` pixels counts: blurred edges have that of the inside. Other
+    solid cells, such as closed areas far behind a wall, have 100.
     """
     from scipy import ndimage  # slow to import
 
-    limits.hold(READING, 0, 3 * cells.size)
-    found = ndimage.maximum_filter(np.where(cells, percent, 0).astype(np.uint8), 2 * EDGE + 1)
-    of_obstacles = found[cells]
+    limits.hold(READING, 0, 3 * drawn.size)
+    found = ndimage.maximum_filter(np.where(drawn, percent, 0).astype(np.uint8), 2 * EDGE + 1)
+    of_obstacles = found[drawn]
     if not of_obstacles.size:
-        return np.full(cells.shape, 100, dtype=np.uint8), "there are no obstacles whose colours could set a contrast"
+        return np.full(drawn.shape, 100, dtype=np.uint8), "there are no obstacles whose colours could set a contrast"
     low, middle, high = (of_obstacles.min(), np.median(of_obstacles), of_obstacles.max())
-    return np.where(cells, found, 100).astype(np.uint8), (
+    return np.where(drawn | (cells & (found > 0)), found, 100).astype(np.uint8), (
         f"obstacles have the contrast of their colours against white, {low / 100:.2f} to {high / 100:.2f} (median "
         f"{middle / 100:.2f}; black has 1): a weight in optic_flow"
     )

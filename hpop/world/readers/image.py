@@ -251,11 +251,12 @@ def read(
     notes += blueprint.lettering(raster)
     if thinnest_obstacle is None:
         notes += blueprint.closing(raster)
+    drawn = raster.cells
     if inside is not None:
         cells, note = blueprint.closed_from(raster, inside)
         raster, notes = replace(raster, cells=cells), [*notes, note]
     if contrast:
-        contrasts, note = blueprint.contrasts_of(raster.cells, faint[::-1])
+        contrasts, note = blueprint.contrasts_of(raster.cells, drawn, faint[::-1])
         raster, notes = replace(raster, contrasts=contrasts), [*notes, note]
     ground = Ground(raster=raster, outside_is_obstacle=bool(outside_is_obstacle))
     said = tuple(f"{path}: {note}." for note in notes)

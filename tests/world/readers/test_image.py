@@ -339,6 +339,22 @@ def test_colours_set_the_contrast_of_obstacles_by_their_luminance(tmp_path):
         assert again.raster.contrasts.tolist() == world.raster.contrasts.tolist()
 
 
+@pytest.mark.parametrize(("grey", "contrast"), [(0, "1.00"), (128, "0.64")])
+def test_areas_closed_from_inside_have_no_contrast_of_their_own(tmp_path, grey, contrast):
+    """A room whose walls are two lines, on a white sheet with pale furniture; the sheet outside is closed."""
+    pixels = np.full((80, 80), 255)
+    pixels[10:15, 60:70] = 220  # too light for an obstacle
+    pixels[20:60, 20:60], pixels[21:59, 21:59] = grey, 255
+    pixels[30:50, 30:50], pixels[31:49, 31:49] = grey, 255
+    world = World.from_image(save(tmp_path, pixels), 0.1, threshold=0.6, inside=(4, 4), contrast=True)
+    expected = f"{contrast} to {contrast} (median {contrast};"
+    assert any(expected in note for note in world.notes)
+    solid = world.raster.contrasts[world.raster.cells]
+    assert set(solid.tolist()) == {100, round(100 * float(contrast))}
+    beside = world.raster.contrast(np.array([1.95]), np.array([4.0]))  # just outside the outer line
+    assert beside == pytest.approx(float(contrast), abs=0.005)
+
+
 def as_geometry(world):
     """Return the description of a world without its file."""
     return World(world.ground).describe()
