@@ -90,6 +90,7 @@ hpop.models.speeds.speed_laws
 hpop.models.view.Restrictor
 hpop.motions.Coupled
 hpop.motions.Curve
+hpop.motions.JointCollision
 hpop.motions.Law
 hpop.motions.Leg
 hpop.motions.Model
