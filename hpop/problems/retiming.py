@@ -152,12 +152,19 @@ class _Path:
         return not any(one.bends.any() for one in self.stretches)
 
     @cached_property
-    def is_too_fast(self) -> bool:
-        """True if ``run``, the executed trajectory, is somewhere faster than a speed zone or the steering rate allows.
+    def exceeded(self) -> tuple[str, ...]:
+        """Limits that ``run``, the executed trajectory, exceeds somewhere: "speed zones", "the limits of steering".
 
         Excesses of less than one millionth, which come from rounding, do not count.
         """
-        return not all((one.pace <= one.most * (1.0 + EXACT)).all() for one in self.stretches)
+        limits = {
+            "speed zones": [one.in_zones for one in self.stretches],
+            "the limits of steering": [one.most for one in self.stretches],
+        }
+        paces = [one.pace / (1.0 + EXACT) for one in self.stretches]
+        return tuple(
+            name for name, most in limits.items() if any((a > b).any() for a, b in zip(paces, most, strict=True))
+        )
 
     def trajectory(self, profiles: Profiles, b: FloatArray) -> Trajectory:
         """Return the trajectory with a speed profile ``b``: the squared speed along the path at all grid positions."""
@@ -257,7 +264,7 @@ def retime(
     asked = replace(problem, criteria=(make_criterion("duration"), criterion, *own), quanta=quanta)
     found = _swept(path, profiles, points, slowest)
     faster = path.run.duration < found[0][0].duration * (1.0 - EXACT)  # its curves are not on the grid
-    if jerk is None and faster and not path.is_too_fast and not any(True for _ in problem.model.faults(path.run)):
+    if jerk is None and faster and not path.exceeded and not any(True for _ in problem.model.faults(path.run)):
         found.insert(0, (path.run, float(trajectory_costs([criterion], [path.run], problem.world)[0, 0])))
     free = np.ones(len(found), bool) if path.is_straight else collision_free(asked, [t for t, _ in found])
     kept = [one for one, is_free in zip(found, free.tolist(), strict=True) if is_free]
@@ -341,8 +348,9 @@ def _certificate(profiles: Profiles, criterion: Criterion) -> str:
 def _notes(path: _Path, profiles: Profiles, criterion: Criterion, colliding: int) -> tuple[str, ...]:
     """Return notes on profiles for the user."""
     notes = []
-    if path.is_too_fast:
-        notes.append("the given trajectory is faster than speed zones allow; the profiles keep their limits")
+    if path.exceeded:
+        limits = " and ".join(path.exceeded)
+        notes.append(f"the given trajectory is faster than {limits} allow; the profiles keep their limits")
     if profiles.cost(profiles.fastest) < CONSTANT:
         notes.append(f"the path has no {criterion.name} at any speed, so only the fastest profile is left")
     if colliding:

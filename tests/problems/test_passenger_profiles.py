@@ -263,7 +263,8 @@ def test_a_car_steers_within_its_rate_also_between_the_positions_of_the_grid(rat
         knots.append((knots[-1][0] + 1.5 * np.cos(heading).mean(), knots[-1][1] + 1.5 * np.sin(heading).mean(), yaw))
     columns = dict(zip(("x", "y", "yaw"), np.array(knots).T, strict=True))
     path = hpop.Trajectory(car, States(**columns), ("clothoid",) * 4)
-    ride = hpop.retime(problem_of(path), path, points=1)[0].trajectory
+    front = hpop.retime(problem_of(path), path, points=1)
+    ride = front[0].trajectory
     times = np.linspace(0.0, ride.duration, 20_001)[1:-1]
     states, (rates, _) = ride.at(times), ride.rates(times)
     speed = rates.x * np.cos(states.yaw) + rates.y * np.sin(states.yaw)
@@ -272,6 +273,8 @@ def test_a_car_steers_within_its_rate_also_between_the_positions_of_the_grid(rat
     assert steering.max() <= rate * (1.0 + 1e-4)
     if rate < 0.5:
         assert steering.max() > 0.5 * rate  # it is what limits the speed
+    assert not any("zones" in note for note in front.notes)  # the world has none
+    assert any("faster than the limits of steering allow;" in note for note in front.notes) is (rate < 0.5)
 
 
 def car_ride(*poses, **options):

@@ -59,7 +59,7 @@ def test_the_fastest_profile_is_slow_in_a_zone_and_only_there(discomfort):
     wide = least_time((slow[0] - BLUR, slow[1] + BLUR), 1.5, WHEELED.acceleration, 0.5, 12.0)
     assert least_time(slow, 1.5, WHEELED.acceleration, 0.5, 12.0) < front.costs[0, 0] < wide
     assert "NOT VALID" not in front.certificate
-    assert any("the profiles keep their limits" in note for note in front.notes)
+    assert any("faster than speed zones allow; the profiles keep their limits" in note for note in front.notes)
     for point in front:
         assert point.reported["speeding"] == pytest.approx(0.0, abs=1e-9)
         x, _, speed = speeds_at(point.trajectory)

@@ -106,7 +106,7 @@ class Profiles:
         for one in self.stretches:
             rates = np.abs(one.slopes @ one.rows.T)
             with np.errstate(divide="ignore"):
-                caps.append(np.minimum((one.speeds / rates).min(axis=1), one.most) ** 2)
+                caps.append(np.minimum.reduce([(one.speeds / rates).min(axis=1), one.most, one.in_zones]) ** 2)
         return np.where(self.at_rest, 0.0, np.concatenate(caps))
 
     def _rows(self, share: float) -> tuple[Any, FloatArray]:

@@ -42,6 +42,7 @@ class PathStretch:
     bends          (2, n, c)      d²q/ds² at the start and at the end of each interval, linear between them
     pace           (n+1,)         ds/dt of the trajectory from which the stretch was made, 0 at both ends
     most           (n+1,)         largest ds/dt by limits beside those below, such as a steering rate; inf for none
+    in_zones       (n+1,)         largest ds/dt by speed zones; inf for none
     middle         (n,)           states in the middles of the intervals
     rows           (r, c)         combinations rows @ q of the coordinates that have limits
     speeds         (r,)           their largest speeds
@@ -55,6 +56,7 @@ class PathStretch:
     bends: FloatArray
     pace: FloatArray
     most: FloatArray
+    in_zones: FloatArray
     middle: States
     rows: FloatArray
     speeds: FloatArray
@@ -77,9 +79,12 @@ class PathStretch:
         limits = (self.rows, self.speeds, self.accelerations)
         pace = np.concatenate([self.pace, other.pace[1:]])
         pace[self.steps.size] = 0.5 * (pace[self.steps.size - 1] + pace[self.steps.size + 1])
-        most = np.concatenate([self.most[:-1], [min(self.most[-1], other.most[0])], other.most[1:]])
+        most, zoned = (
+            np.concatenate([own[:-1], [min(own[-1], its[0])], its[1:]])
+            for own, its in ((self.most, other.most), (self.in_zones, other.in_zones))
+        )
         kinds = self.kinds + other.kinds
-        return PathStretch(kinds, steps, States(**joined), slopes, bends, pace, most, States(**middle), *limits)
+        return PathStretch(kinds, steps, States(**joined), slopes, bends, pace, most, zoned, States(**middle), *limits)
 
     def continues(self, before: PathStretch) -> bool:
         """Return whether the robot need not stand between stretch ``before`` and this one.
@@ -172,10 +177,10 @@ def _stretch(
     unit = coordinates.unit
     slopes, bends = slopes * unit, bends * unit
     faster = within * coordinates.quickening(middle, *run.rates(middles))
-    most = np.minimum(np.append(faster, np.inf), np.append(np.inf, faster))
+    most, zoned = np.minimum(np.append(faster, np.inf), np.append(np.inf, faster)), np.full(times.size, np.inf)
     if np.isfinite(limits).any():
-        most = np.minimum(most, paces(limits, coordinates.rates_of_states(states, slopes, 0.0 * slopes)[0]))
-    return PathStretch(kinds, steps, states, slopes, bends, pace, most, middle, *coordinates.limits(slopes))
+        zoned = paces(limits, coordinates.rates_of_states(states, slopes, 0.0 * slopes)[0])
+    return PathStretch(kinds, steps, states, slopes, bends, pace, most, zoned, middle, *coordinates.limits(slopes))
 
 
 def _grid(run: Trajectory, motions: Sequence[int], coordinates: Coordinates) -> tuple[FloatArray, tuple[str, ...]]:
