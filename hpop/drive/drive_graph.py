@@ -224,12 +224,12 @@ class DriveGraph:
         same &= speeds >= -len(self.query.space.slower_turns)  # such turns are on the graph
         return np.where(same, self.query.space.in_layer(nearest, speeds), -1)
 
-    def _nodes_or_start(self, states: States) -> IntArray:
-        """Return :meth:`nodes` (N,), but where the states equal an added start, its node."""
-        nodes, space = self.nodes(states), self.query.space
-        if self.query.start < self._first_added:
-            return nodes
+    def _with_start(self, nodes: IntArray, states: States) -> IntArray:
+        """Return :meth:`nodes` (N,) of states, but where no node is, and a state equals an added start, its node."""
+        space = self.query.space
         start, is_start = space.states(np.full(nodes.size, self.query.start)), nodes < 0
+        if self.nodes(start.take([0]), at_rest=True)[0] >= 0:
+            return nodes
         for off in self.inner.model.space.differences(states, start).values():
             is_start &= np.abs(off) <= UNMOVED
         layers = 0 if space.one_layer is space else space.in_layer(np.zeros_like(nodes), speed_of(states))
@@ -252,9 +252,10 @@ class DriveGraph:
         columns = {n: [getattr(t.states, n) for t in trajectories] for n in self.inner.model.space.names}
         places, columns[SPEED] = map(list, zip(*map(places_of_nodes, trajectories), strict=True))
         columns |= {n: [c[at] for c, at in zip(columns[n], places, strict=True)] for n in columns if n != SPEED}
-        nodes = self._nodes_or_start(States(**{name: np.concatenate(each) for name, each in columns.items()}))
-        each = np.split(nodes, np.cumsum([at.size for at in places])[:-1])
-        return [self._arcs_along(*path) for path in zip(each, places, trajectories, strict=True)]
+        states, cuts = States(**{n: np.concatenate(c) for n, c in columns.items()}), np.cumsum([p.size for p in places])
+        nodes = self.nodes(states)
+        each = (np.split(found, cuts[:-1]) for found in (self._with_start(nodes, states), nodes < 0))
+        return [self._arcs_along(*path) for path in zip(*each, places, trajectories, strict=True)]
 
     def all_arcs(self, trajectory: Trajectory) -> IntArray | None:
         """Return the arcs of a trajectory from its start on; None if it leaves the graph, or if an arc is closed."""
@@ -263,14 +264,17 @@ class DriveGraph:
         begins = self.tails[arcs[0]] == first if arcs.size else first in self.query.goals
         return arcs if begins and not self.closed[arcs].any() else None
 
-    def _arcs_along(self, nodes: IntArray, places: IntArray, trajectory: Trajectory) -> tuple[IntArray, IntArray]:
+    def _arcs_along(
+        self, nodes: IntArray, added: BoolArray, places: IntArray, trajectory: Trajectory
+    ) -> tuple[IntArray, IntArray]:
         """Return the arcs of the last part of a trajectory that ends at a goal, and the indices of its states there.
 
         The part begins after the last state off the graph. Both are empty if no arc leads on to the goal.
 
         nodes, places  (N,)  nodes of the trajectory, -1 off the graph, and the indices of its states at them
+        added          (N,)  True for an added start, and off the graph
         """
-        repeats = (nodes[1:] == nodes[:-1]) & (nodes[1:] < self._first_added)  # by holds; joins begin at any time
+        repeats = (nodes[1:] == nodes[:-1]) & ~added[1:]  # by holds; joins begin at any time
         distinct = np.flatnonzero(np.append(~repeats, True))
         nodes, places = nodes[distinct], places[distinct]
         last, final = nodes.size - 1, np.zeros(0, np.int64)
@@ -290,13 +294,9 @@ class DriveGraph:
     @cached_property
     def _goal_joins(self) -> dict[int, list[GoalJoin]]:
         """Joins to goals beside the graph, by the node at which they begin."""
-        beside = np.array([goal for goal in self.query.goals if goal >= self._first_added], np.int64)
+        added = self.query.space.in_layer(np.array([self.inner.size]), np.zeros(1))[0]
+        beside = np.array([goal for goal in self.query.goals if goal >= added], np.int64)
         return joins_to_goals(self.graph, self.query.space, self.tails, self._named, beside)
-
-    @property
-    def _first_added(self) -> int:
-        """First node of the graph that is an added start or goal, not a state of the inner graph."""
-        return int(self.query.space.in_layer(np.array([self.inner.size]), np.zeros(1))[0])
 
     @cached_property
     def _named(self) -> NDArray[np.int32]:

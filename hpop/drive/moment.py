@@ -248,21 +248,23 @@ class DriveProgress:
     def cut_of(self, plan: Plan, now: float) -> Cut:
         """Return how far a plan, which begins like the present one up to ``now``, is open."""
         surroundings, then = self.surroundings, max(now, self.lag)  # people walk on before the robot leaves
-        if self._walking[0] is not surroundings or self._walking[1] != then:
+        predicted = self._walking  # another thread may replace it meanwhile
+        if predicted[0] is not surroundings or predicted[1] != then:
             people = zip(surroundings.predicted(then), surroundings.people, strict=True)
             walking = tuple(person for person, before in people if before.moves)  # also if a person has stopped since
-            self._walking = surroundings, then, walking
-        return cut_of(plan, self.planned(now), surroundings.closed, self._walking[2], self.margin)
+            predicted = self._walking = surroundings, then, walking
+        reached = min(max(now - self.lag, 0.0), plan.end)  # a robot that stands may be past the end of its present plan
+        return cut_of(plan, reached, surroundings.closed, predicted[2], self.margin)
 
     def with_option(self, options: Options, place: int, now: float) -> ChangedPlan:
         """Return the plan with an option, given by its number; it is checked once for each time ``now``."""
         if place == options.keep_on:
             return ChangedPlan((), self.plan, Cut(self.plan.stops, self.plan.stops))
-        asked = (options, place, now, self.plan, self.surroundings)
-        if self._changed is None or any(a is not b for a, b in zip(asked, self._changed.asked, strict=True)):
+        asked, changed = (options, place, now, self.plan, self.surroundings), self._changed
+        if changed is None or any(a is not b for a, b in zip(asked, changed.asked, strict=True)):
             plan = self.plan.then(options.commit.place, options.commit.stands, options.ways[place])
-            self._changed = ChangedPlan(asked, plan, self.cut_of(plan, now))
-        return self._changed
+            changed = self._changed = ChangedPlan(asked, plan, self.cut_of(plan, now))
+        return changed
 
     def cut(self, now: float, known: Cut | None = None) -> Cut:
         """Stop the plan before closed areas and people in the way; return how far it is open.

@@ -49,6 +49,9 @@ if TYPE_CHECKING:
     from hpop.problems.problem import Problem
 
 
+NO_GRAPH = "a drive needs a lattice, or a roadmap of positions; {!r} has neither for this robot: give planner='lattice'"
+
+
 class _PendingGraph(NamedTuple):
     """A graph on a clock that another thread is building, for these surroundings and queries that start at `commit`."""
 
@@ -64,6 +67,8 @@ class Replanner:
         self, problem: Problem, planner: Planner, trajectories: Sequence[Trajectory], begin: float = 0.0
     ) -> None:
         """Create a planner for a robot that leaves at time ``begin`` of the drive, s, with known trajectories."""
+        if planner.graph_of_drives is None:
+            raise DriveError(NO_GRAPH.format(planner.name))
         self.problem, self.planner = problem, planner
         self.objectives = edge_objectives(problem.criteria, planner.name)
         self._trajectories = tuple(trajectories)
@@ -393,8 +398,5 @@ class Replanner:
         family = self.planner.graph_of_drives
         states = None if family is None else family.states(self.problem)
         if states is None:
-            raise DriveError(
-                f"a drive needs a lattice, or a roadmap of positions; {self.planner.name!r} has neither for this "
-                "robot: give planner='lattice'"
-            )
+            raise DriveError(NO_GRAPH.format(self.planner.name))
         return states if states.world is now.bare else replace(states, world=now.bare)

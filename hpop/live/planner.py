@@ -166,7 +166,9 @@ class LivePlanner(OfferedDrive):
             return
         now = self._see(now, pose)
         chosen = offer.ways.trajectories[option]
-        if offer is not self.offer or self._is_late(offer, now) or not self._is_open(offer, now, option):
+        with self.changing:
+            is_takeable = offer is self.offer and not self._is_late(offer, now) and self._is_open(offer, now, option)
+        if not is_takeable:
             found = yield from self._anew(now, pose, chosen)
             if found is None:
                 return

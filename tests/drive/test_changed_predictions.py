@@ -185,3 +185,30 @@ def test_whom_a_way_was_chosen_to_leave_is_nobody_who_is_told_anew() -> None:
     assert drive._progress.plan.chosen == begins
     drive.world(0.7, people=[IN_SOUTH])
     assert drive._progress.plan.chosen == 0.0
+
+
+def test_a_robot_that_stood_in_the_way_of_people_takes_an_option_as_it_is_checked_when_driven(tmp_path: Path) -> None:
+    """After some seconds before a slow person, an option begins with this wait: people are compared with all of it.
+
+    The saved drive then loads with the same plan. The present plan ends where the robot stands, before the wait.
+    """
+    problem, front, planner = asked()
+    drive = hpop.follow(problem, front, 0, planner=planner)
+    rng = np.random.default_rng(1)
+    at = drive.plan.at(np.array([drive.plan.duration * rng.uniform(0.2, 0.8)]))
+    people = [Person(float(at.x[0]), float(at.y[0]), velocity=(0.01, 0.0), until=60.0, name="slow")]
+    for i in range(3):
+        x, y = rng.uniform((2.5, 0.3), (10.5, 5.7)).tolist()
+        people.append(Person(x, y, velocity=tuple(rng.normal(0.0, 0.12, 2).tolist()), until=40.0, name=f"walks {i}"))
+    stops = drive.world(0.5, people=people).stops_at
+    assert stops is not None
+    drive.ready(0.5)
+    now = stops + float(rng.uniform(2.0, 9.0))
+    drive.ready(now)
+    options = drive.options(now, 0.5)
+    assert options.status is Status.COMPLETE
+    assert options.commit.stands > 5.0
+    plan = drive.take(0, now + 0.2, options)
+    assert plan.duration == drive.announced.duration  # clear to its goal, as the search found it
+    drive.save(tmp_path / "drive.json")
+    assert load(tmp_path / "drive.json").plan.duration == plan.duration

@@ -133,3 +133,11 @@ def test_what_is_refused_has_not_been_told() -> None:
             refused()
     assert drive.options(1.1, 0.0).now == 1.1
     assert [event["now"] for event in drive.record] == [1.0, 1.1]
+
+
+@pytest.mark.parametrize("waits", [True, False])
+@pytest.mark.parametrize("planner", ["any-angle", "smoothing"])
+def test_a_planner_without_a_graph_to_replan_on_is_refused_before_the_drive(planner: str, waits: bool) -> None:
+    problem, front = planned()
+    with pytest.raises(DriveError, match="has neither for this robot: give planner='lattice'"):
+        hpop.follow(problem, front, "knee", planner=planner, waits=waits)
