@@ -30,7 +30,7 @@ def extract(data: bytes, options: dict[str, Any]) -> ChildAnswer:
     try:
         drawing, _ = recover.read(io.BytesIO(data))
     except DXFError as error:
-        raise ChildRefused(f"it cannot be read as a DXF drawing ({str(error)[:200]}); export it again") from None
+        raise ChildRefused(f"it cannot be read as a DXF drawing ({str(error)[:200]}); export it again as DXF") from None
     lines = Lines(options["layers"])
     frozen = {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_frozen()}
     hidden = frozen | {layer.dxf.name.casefold() for layer in drawing.layers if layer.is_off()}

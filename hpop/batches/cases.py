@@ -71,10 +71,12 @@ class Cases(Protocol):
 class Specification:
     """Cases from a scenario file in which some keys vary: every combination of their values is a case.
 
+    A table is one more axis: each of its rows is combined with all values of the varied keys.
+
     ::
 
         world: {geojson: {path: museum.geojson}}
-        criteria: [exposure, turns, length]
+        criteria: [exposure, turns, length]    # equal in all cases
         table: pairs.csv                       # columns such as start.x and goal.x: a row varies several keys
         vary:
           planner: [lattice, {roadmap: {samples: 500}}]
@@ -82,8 +84,9 @@ class Specification:
           model.differential_drive.radius: [0.2, 0.3]
 
     document   content of the file without ``vary`` and ``table``
-    axes       for each varied key its values, each as a mapping {dotted key: value}; the rows of a table come first
-    has_table  whether the first axis has the rows of a table
+    axes       one axis for each varied key: its values, each as a mapping {dotted key: value}. With a table, one more
+               axis before them: its rows, each as a mapping with several keys
+    has_table  whether the first axis is that of a table
     """
 
     document: Document

@@ -190,7 +190,10 @@ class DriveProgress:
         return self.plan.driven.at(self.planned(now))
 
     def commit(self, now: float, deadline: float) -> Commit:
-        """Return the first place of the plan, at least ``deadline`` s from now, where the robot may change its plan."""
+        """Return the first place of the plan, at least ``deadline`` s after ``now``, where the robot may change it.
+
+        If the plan ends before, it is the end of the plan. `Commit` has its time, state and remaining plan.
+        """
         plan, lag, t = self.plan, self.lag, now + deadline - self.lag
         driven, place = plan.driven, plan.next_arrival(t)
         at_end = place == len(driven)

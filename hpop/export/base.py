@@ -265,7 +265,7 @@ def pitch_of(quaternions: FloatArray) -> FloatArray:
 
 
 def roll_of(quaternions: FloatArray) -> FloatArray:
-    """Return the roll (N,) of a body, rad, positive to the right."""
+    """Return the roll (N,), rad, positive to the right, of bodies with quaternions (N, 4) in the order x, y, z, w."""
     turned = matrices(quaternions)
     return np.arctan2(turned[:, 2, 1], turned[:, 2, 2])
 

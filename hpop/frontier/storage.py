@@ -103,7 +103,7 @@ def write(path: str | os.PathLike[str], stored: StoredFront) -> None:
     except (TypeError, ValueError, RecursionError) as error:
         raise FrontFileError(
             f"{target}: the front cannot be written as JSON ({error}); "
-            "pass encode= to turn each item into lists, dicts, strings and finite numbers"
+            "pass encode= to turn the item of each point into lists, dicts, strings and finite numbers"
         ) from error
 
 

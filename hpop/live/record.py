@@ -1,7 +1,8 @@
 """Record of a live session: a file with one JSON object a line, written at once.
 
-Each line has ``at`` (UTC, ms), ``t`` (s of the session), ``event``, and what belongs to it. A killed process loses no
-line that was written; the last line may be cut, and is then left out when the record is read.
+Each line has ``at`` (a whole number: ms since 1970, UTC), ``t`` (s since the session began), ``event`` (its name), and
+the values of this event. A killed process loses no line that was written. The last line may be incomplete; reading a
+record leaves an incomplete last line out.
 """
 
 from __future__ import annotations

@@ -358,9 +358,10 @@ class ToldPeople:
         self._at = -math.inf
 
     def differ(self, people: Sequence[Walking], now: float, lasts: float) -> bool:
-        """Return whether people are not where the planner predicts them, or its prediction is older than ``lasts``, s.
+        """Return whether the planner needs a new prediction of the people at time ``now``, s.
 
-        The prediction of people who stand does not age.
+        It does if their number has changed, if a person is more than `ASTRAY` m from the predicted place, or if a
+        person walks and the prediction is older than ``lasts``, s.
         """
         passed = now - self._at
         if len(people) != len(self._people):

@@ -355,9 +355,10 @@ def answers_of_ratings(ratings: Mapping[int, float], costs: FloatArray) -> list[
 
 
 def evidence(answers: Sequence[PairAnswer], scale: CostScale, *, ties: bool) -> Evidence:
-    """Convert answers to the arrays that the model needs.
+    """Return the answers of one person as the arrays from which the preference model is fitted.
 
-    ties  True if "no difference" was a possible answer
+    scale  converts costs to shares of their ranges, so that all costs are comparable
+    ties   True if "no difference" was a possible answer
 
     Raises StudyError for more than :data:`MOST_ANSWERS` answers.
     """

@@ -93,7 +93,7 @@ class Document:
         return place in self._lines
 
     def _refuse(self, line: int | None, text: str) -> NoReturn:
-        """Raise ScenarioError with file and line."""
+        """Raise ScenarioError with the file, the line if it is known (not None), and a text."""
         raise ScenarioError(f"{self.path}{f', line {line}' if line else ''}: {text}") from None
 
     def _check_events(self, text: str) -> None:

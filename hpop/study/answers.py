@@ -123,7 +123,7 @@ class Answers:
 
     @cached_property
     def table(self) -> tuple[Row, ...]:
-        """Return all answers as rows, one for each item."""
+        """Return one row for each item that a participant answered, at each place of the session where it was asked."""
         return tuple(
             Row(session.person.id, slot.place, _letter(session, slot.place), slot.form, slot.item, *answer)
             for session in self.sessions

@@ -373,8 +373,8 @@ def _check_place(person: Participant, event: SessionEvent) -> None:
     letter = person.order[event.place - 1] if 1 <= event.place < last else None
     if event.condition != letter:
         raise StudyError(
-            f"{person.id} sees {letter or 'no stimulus'} at place {event.place}, but the answers say "
-            f"{event.condition or 'none'}"
+            f"{person.id} sees {letter or 'no stimulus'} at place {event.place} of the session, but the answers "
+            f"say {event.condition or 'none'}; use the answers that the page of {person.id} in this study has saved"
         )
 
 

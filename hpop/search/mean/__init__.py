@@ -55,10 +55,10 @@ class MeanLimits:
 
         columns  columns of the graph's costs, in the order of the search
         cap      upper bound of the duration, or None
-        at_most  a bound or None for each cost of the graph
+        at_most  for each cost of the graph a bound, or None for no bound; None for the integral and the duration
 
-        Raises OptionError for invalid options, and GraphError if they do not limit the duration, or if sums or means
-        could overflow.
+        Raises OptionError for invalid options. Raises GraphError if ``cap`` is None and the bounds do not limit the
+        duration on this graph, or if sums or means of its costs could overflow.
         """
         if cap is not None:
             cap = whole("cap", cap, 0, MOST_BOUND, "a whole number of the duration's quanta,")

@@ -31,11 +31,13 @@ from hpop.search.staircase.turn_hull import IntLanes, TurnHull, directions, turn
 
 
 class ClosedArcs:
-    """The closed arcs of a graph, with the groups of nodes joined by turns that remain valid without them.
+    """The closed arcs of a graph, and the groups of nodes that a search may still use.
+
+    A group is a set of nodes joined by turns. A search can use it while all of its turns are open, or all are closed.
 
     closed  (m,)  True for a closed arc
-    whole         groups of turns of the graph with all arcs open; in its table of turn costs, which no other graph
-                  shares, closed turns cost UNREACHABLE
+    whole         groups of the graph, formed while all arcs were open. Its table of turn costs belongs to this object
+                  alone: closing a turn sets its cost in the table to UNREACHABLE
     turns   (g,)  number of closed turns of each group
     """
 

@@ -212,7 +212,12 @@ def _linestrings(points: FloatArray, starts: IntArray, lines: IntArray) -> NDArr
 def _areas(points: FloatArray, starts: IntArray, area: IntArray, path: str | Path) -> list[BaseGeometry]:
     """Return the filled areas as polygons; an area is all points inside an odd number of its lines.
 
-    area  for each line the number of the area that it bounds, 0 for none
+    points  (P, 2)  points of all lines, line after line
+    starts  (N+1,)  index of the first point of each line, and P
+    area    (N,)    number of the area that each line bounds, 0 for none
+    path            file of the drawing, named in messages
+
+    Raises MapError if the lines of an area cross too often to be joined.
     """
     made: list[BaseGeometry] = []
     lines = np.flatnonzero(area)

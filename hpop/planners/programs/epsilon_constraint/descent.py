@@ -98,7 +98,11 @@ class Descent:
         return weights / self.scale
 
     def run(self, polyline: Polyline, costs: FloatArray) -> DescentResult:
-        """Move the corners of a polyline with exact costs (k,) until no step helps or the time limit passes."""
+        """Return the best polyline found by moving corners, with its costs; ``costs`` (k,) are those of ``polyline``.
+
+        All costs are exact. The descent ends when no step lowers the merit (the weighted sum of the costs) within
+        the bounds, or when the time limit passes.
+        """
         result = DescentResult(polyline, costs, 0, np.nan)
         with suppress(LimitPassed):
             for result in self._better(polyline, costs):  # noqa: B007  (the last one counts)

@@ -228,7 +228,11 @@ class _Attempt:
     def _candidate(
         self, polyline: FreePolyline, solution: Solution | None, provenance: dict[str, Any]
     ) -> CellCandidate:
-        """Return a free polyline as a candidate of this cell, with its planned costs and provenance."""
+        """Return a polyline that is free of collisions as a candidate of this cell of the grid, with its planned costs.
+
+        solution    result of the nonlinear program that found it, for the provenance; None if no program was solved
+        provenance  further entries for the provenance of the candidate
+        """
         cell, roles = self.cell, self.job.roles
         bounded = zip(roles.criteria, cell.epsilon.tolist(), strict=True)
         provenance = {

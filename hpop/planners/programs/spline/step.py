@@ -110,9 +110,10 @@ class StepPrograms:
 
     @cached_property
     def indices(self) -> IntArray:
-        """Index (N, 4 n + 1) of the program's variable for each variable of each piece (:meth:`.knots.Knots.columns`).
+        """Index (N, 4 n + 1), among the variables of the program, of each variable of each of the N pieces.
 
-        It is -1 at the start and the goal, which are fixed.
+        A piece has 4 n + 1 variables for n joints: values and slopes at its start, values and slopes at its end, and
+        the total time (:meth:`.knots.Knots.columns`). Values and slopes at start and goal are fixed: their index is -1.
         """
         count, n = self.shares.size, self.joints
         knots = np.full((count + 1, 2 * n), -1)
