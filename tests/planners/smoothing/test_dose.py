@@ -12,6 +12,7 @@ import hpop
 from hpop.criteria.comfort.sickness import W_F
 from hpop.errors import CriterionError, OptionError, UnsupportedCriterion
 from hpop.models.driven import driven
+from hpop.models.view import ViewModel
 from hpop.planners.programs.smoothing.dose import Dose
 from hpop.problems.verify import verify
 from tests.iso_filters import motion_sickness
@@ -22,23 +23,24 @@ OPEN = hpop.World.from_polygons([], extent=shapely.box(-60, -60, 60, 60))
 ROOM = hpop.World.from_polygons([shapely.box(3, -2, 4, 2), shapely.box(6, 1, 7, 6)], extent=shapely.box(-2, -6, 12, 6))
 
 
-def random_drive(seed):
-    """Return a drive with random accelerations, at rest at its start."""
+def random_drive(seed, pieces=1):
+    """Return a drive with random accelerations, at rest at its start; each constant one is cut into ``pieces``."""
     rng = np.random.default_rng(seed)
     straight = [(rng.uniform(0.2, 0.8), 0.0, rng.uniform(0.5, 1.5)), (0.0, 0.0, rng.uniform(0.2, 2.0))]
     curves = [(rng.uniform(-0.1, 0.2), rng.uniform(-1, 1), rng.uniform(0.2, 0.8)) for _ in range(4)]
-    return driven(ROBOT, (0, 0, rng.uniform(-3, 3)), [*straight, *curves])
+    cut = [(a, b, seconds / pieces) for a, b, seconds in [*straight, *curves] for _ in range(pieces)]
+    return driven(ROBOT, (0, 0, rng.uniform(-3, 3)), cut)
 
 
 def of_intervals(path, dose):
     """Return the dose of a drive by the formulas of a program's intervals, one after the other."""
     before, after = casadi.SX.sym("before", dose.size), casadi.SX.sym("after", dose.size)
-    ends, lasts = casadi.SX.sym("ends", 4), casadi.SX.sym("lasts")
+    ends, lasts = casadi.SX.sym("ends", 5), casadi.SX.sym("lasts")
     defects, square = dose.formulas(before, after, tuple(casadi.vertsplit(ends)), lasts)
     interval = casadi.Function("interval", [before, after, ends, lasts], [casadi.vertcat(*defects), square])
     s, state, total = path.states, np.zeros(dose.size), 0.0
     for i, seconds in enumerate(path.durations.tolist()):
-        at = [s.speed[i], s.speed[i + 1], s.turn_rate[i], s.turn_rate[i + 1]]
+        at = [s.speed[i], s.speed[i + 1], s.turn_rate[i], s.turn_rate[i + 1], s.yaw[i]]
         off, integral = interval(state, np.zeros(dose.size), at, seconds)
         state, total = -np.array(off).ravel(), total + float(integral)
     return total**0.5
@@ -57,6 +59,27 @@ def test_the_modes_give_the_dose_of_a_filter_from_the_zeros_and_poles_of_the_sta
     squares = sum(lsim(motion_sickness(), signal, times)[1] ** 2 for signal in signals)
     expected = np.sqrt(np.sum(0.5 * (squares[1:] + squares[:-1])) * times[1])
     assert of_intervals(path, Dose(W_F, *SEAT[:2])) == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.seeds(2, of=30)
+def test_a_frame_that_does_not_turn_has_the_dose_of_the_acceleration_in_the_world(seed):
+    path = random_drive(seed, pieces=3)
+    times = np.linspace(0.0, path.duration, 20_001)
+    states, (rates, changes) = path.at(times), path.rates(times)
+    seen = [np.broadcast_to(a, times.shape) for a in ROBOT.twist_rate("camera", states, rates, changes).velocity[:2]]
+    squares = sum(lsim(motion_sickness(), signal, times)[1] ** 2 for signal in seen)
+    expected = np.sqrt(np.sum(0.5 * (squares[1:] + squares[:-1])) * times[1])
+    assert of_intervals(path, Dose(W_F, 0.3, 0.0, turns=0.0)) == pytest.approx(expected, rel=5e-3)
+
+
+@pytest.mark.parametrize("turning", ["unwound", pytest.param("level", marks=pytest.mark.proof)])
+def test_a_view_gets_a_curve_of_less_dose_than_the_polyline(turning):
+    """The candidate is kept only if its planned dose is that of the criterion, in the frame of the view."""
+    view = ViewModel(ROBOT, turning=turning)
+    problem = hpop.Problem(OPEN, view, (0, 0, 0), (0, 3, None), ["duration", "length", "msdv"])
+    path = hpop.Trajectory.from_poses(view, [(0, 0, 0), (3, 0, 0), (3, 3, 1.6), (0, 3, 3.1)])
+    (found,) = problem.solve("smoothing", minimise="msdv", intervals=24, warm_start=[path])
+    assert found.costs["msdv"] < 0.9 * problem.evaluate(path.execution())["msdv"]
 
 
 def test_a_smoothed_path_of_least_dose_is_far_gentler_than_the_same_time_on_the_quickest_one():

@@ -93,8 +93,12 @@ class Interval:
         for criterion in self.criteria:
             if criterion.dose is not None:
                 body, weighting = criterion.dose
-                mount = model.mounts[body]
-                return Dose(weighting, mount.ahead, mount.left)
+                mount, names = model.mounts[body], model.space.names
+                still, turning = (
+                    States(**dict.fromkeys(names, np.zeros(1)) | {"yaw": np.full(1, w)}) for w in (0.0, 1.0)
+                )
+                turns = float(np.ravel(model.twist(body, still, turning).rotation[2])[0])
+                return Dose(weighting, mount.ahead, mount.left, turns)
         return None
 
     @property
@@ -170,7 +174,7 @@ class Interval:
             return []
         place = next(j for j, criterion in enumerate(self.criteria) if criterion.dose is not None)
         first, speed, turn = z.numel() - 2 * self.filters, NODES.index("speed"), NODES.index("turn_rate")
-        ends = (z[speed], z[len(NODES) + speed], z[turn], z[len(NODES) + turn])
+        ends = (z[speed], z[len(NODES) + speed], z[turn], z[len(NODES) + turn], z[NODES.index("yaw")])
         states = z[first : first + self.filters], z[first + self.filters :]
         defects, square = self.dose.formulas(*states, ends, z[OWN - 1])
         costs[place].append(square)
