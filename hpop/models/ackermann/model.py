@@ -351,7 +351,8 @@ def _run_end(
 ) -> int:
     """Return the index after the last motion of the run, from rest to rest, that begins with motion ``first``.
 
-    A run ends before a hold, a reversal, and a jump of the steering angle. A hold is a run of its own.
+    A run ends before a hold, a reversal, and a jump of the steering angle. A hold is a run of its own. A plan that must
+    keep its times stops before each arc with turned wheels: the parts of a long arc are runs of their own then.
     """
     last, way = first + 1, lengths[first]  # the last length other than 0
     if planned.kinds[first] == HOLD.kind:
@@ -361,6 +362,9 @@ def _run_end(
             break
         way = lengths[last] or way
         if robot.steering_rate is not None and abs(angles[0][last] - angles[1][last - 1]) > JUMP:
+            break
+        stops = planned.punctual and robot.steering_rate is not None and abs(angles[0][last]) > JUMP
+        if stops and planned.kinds[last - 1 : last + 1] == ("arc", "arc"):
             break
         last += 1
     return last

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from functools import cache
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -94,6 +95,27 @@ def test_no_plan_touches_a_person_and_executions_keep_its_times(seed):
         planned, driven = plan.at(times), done.at(np.minimum(times, done.duration))
         assert np.hypot(planned.x - driven.x, planned.y - driven.y).max() <= stray + 1e-6
         assert done.duration <= plan.duration + 1e-6
+
+
+U_TURN = PrimitivesGraph(step=0.6).spec
+
+
+@pytest.mark.parametrize("car", [hpop.Ackermann(reverse_speed=0.0), CAR])
+def test_the_parts_of_a_long_arc_are_driven_one_by_one_as_planned(car):
+    """An arc of half a circle is planned in two parts, with a stop to steer before each: so it is driven."""
+    ann = Person(4.2298, 3.6079, velocity=(-0.3721, -0.4704), name="Ann")
+    world = World.from_polygons([], extent=shapely.box(0, 0, 6.5, 5.6)).with_content(people=[ann])
+    start, goal = (2.5, 1.6, 0.0), (2.5, 1.6 + 2 * car.radius, math.pi)
+    problem = Problem(world, car, start, goal, ["length", "duration"])
+    front = problem.solve({"exact": {"on": U_TURN, "eps": 0.02}})
+    assert any(pair == ("arc", "arc") for plan in front.trajectories for pair in pairwise(plan.kinds))
+    for plan in front.trajectories:
+        done = plan.execution()
+        assert gaps(problem, plan) > -TOUCH
+        assert gaps(problem, done) > -TOUCH
+        times = np.linspace(0.0, plan.duration, 4000)
+        planned, driven = plan.at(times), done.at(np.minimum(times, done.duration))
+        assert np.hypot(planned.x - driven.x, planned.y - driven.y).max() <= Ramps.of(car).stray + 1e-6
 
 
 @pytest.mark.proof

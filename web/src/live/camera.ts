@@ -53,11 +53,21 @@ export class Camera {
 
   /** Asks for the video; once it is lost, asks again. */
   private async call(address: string, picture: HTMLVideoElement): Promise<void> {
+    if (typeof RTCPeerConnection === "undefined") {
+      this.lost(true);
+      return;
+    }
     const peer = new RTCPeerConnection();
     let [session, over] = ["", false];
+    const leave = (): void => {
+      if (session !== "") void fetch(session, { method: "DELETE", keepalive: true });
+      session = "";
+    };
     const again = (): void => {
       if (over) return;
       over = true;
+      removeEventListener("pagehide", leave);
+      leave();
       peer.close();
       this.lost(true);
       setTimeout(() => { void this.call(address, picture); }, RETRY);
@@ -72,9 +82,7 @@ export class Camera {
     peer.addEventListener("connectionstatechange", () => {
       if (peer.connectionState === "failed" || peer.connectionState === "closed") again();
     });
-    addEventListener("pagehide", () => {
-      if (session !== "") void fetch(session, { method: "DELETE", keepalive: true });
-    }, { once: true });
+    addEventListener("pagehide", leave, { once: true });
     try {
       await peer.setLocalDescription();
       await found(peer);

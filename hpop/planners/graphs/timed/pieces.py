@@ -48,7 +48,7 @@ class Swing(NamedTuple):
     @property
     def standing(self) -> float:
         """Largest distance, m, of any point from its place while the plan stands, beyond ``stray`` itself."""
-        return self.reach * self.stray * float(self.bend(np.zeros(1))[0])
+        return self.reach * self.stray * self.curvature  # an arc may begin with its whole curvature
 
 
 def near_people(
