@@ -201,8 +201,9 @@ class Lines:
             self._width.append(width)
             if len(self._points) > MOST_POINTS:
                 raise ChildRefused(
-                    f"its lines have more than {MOST_POINTS:,} points, too many for a floor plan; select some of its "
-                    f"layers: {counts_text(self.counted)}"
+                    f"the lines of the drawing have more than {MOST_POINTS:,} points, too many for a floor plan; name "
+                    "the layers to read, such as those of walls, with the option layers. Lines and areas by layer, up "
+                    f"to this point: {counts_text(self.counted)}"
                 )
 
     def answer(self, known: Iterable[str], **words: Any) -> ChildAnswer:

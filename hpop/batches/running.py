@@ -329,7 +329,10 @@ class Workers:
             yield job.case, rows
 
     def _solve_alone(self, job: Job) -> Rows:
-        """Solve one case while no other is being solved; if a worker dies, this case must be the cause."""
+        """Solve one case while no other is being solved, and return its rows.
+
+        If a worker dies now, this case is the cause: it gets a row with the error, and the workers are replaced.
+        """
         self._send(job)
         while True:
             (future,) = self._pending

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from hpop import cli
+from hpop.base.text import counted
 from hpop.cli.robots import robot_options
 from hpop.cli.terminal import echo, imports_option, user_errors
 from hpop.errors import OptionError
@@ -124,8 +125,10 @@ def _tokens_of(token: str | None) -> dict[str, str]:
     if token is None:
         return {}
     if not TOKEN.fullmatch(token):
+        wrong = len(re.sub("[A-Za-z0-9_-]", "", token))
         raise OptionError(
-            f"--token must have 12 to 100 letters, digits, - and _, got {len(token)} characters; choose a random one"
+            f"--token must have 12 to 100 letters (a to z, A to Z), digits, - and _, got "
+            f"{counted(len(token), 'character')}{f', {wrong} of them not allowed' * bool(wrong)}; choose a random one"
         )
     return {"driving": token, "watching": hashlib.sha256(f"watch {token}".encode()).hexdigest()[:16]}
 

@@ -188,7 +188,7 @@ class Plan:
         return motion_ends(self.announced if self.stops is None or t <= self.stops else self.driven, t)
 
     def ramp_at(self, t: float) -> float:
-        """Return how long, s, a change to rest takes from planned time ``t``, s, on; 0 for a model with one speed."""
+        """Return how long slowing down to rest takes, s, if it begins at the plan's time ``t``, s; 0 for one speed."""
         law = laws_of(self.announced.model).get(CHANGE)
         if law is None or SPEED not in self.announced.states.names:
             return 0.0

@@ -77,7 +77,7 @@ def carried_parts(parts: Sequence[ArmPart], platform: Sequence[Prism]) -> tuple[
 def upright_solid(prism: Prism) -> Solid:
     """Return a collision part of the base, an upright prism, as a solid in the frame of the base.
 
-    A part with one corner is a cylinder, any other the convex hull of its corners.
+    A part with one corner is a cylinder with its radius, any other the convex hull of its lower and upper corners.
     """
     pose, (z_min, z_max) = np.eye(4), (prism.z_min, prism.z_max)
     if len(prism.corners) == 1:
@@ -108,7 +108,10 @@ class BaseAndLinks:
 
     @checked_arguments
     def states_free(self, states: States) -> BoolArray:
-        """Return whether the robot is free in each state (N,)."""
+        """Return in which states (N,) neither the base nor the arm collides with the world, nor the arm with the robot.
+
+        The result is a mask (N,).
+        """
         free = self.base.states_free(states)
         free[free] = self.links.states_free(states.take(free))
         return free

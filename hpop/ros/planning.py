@@ -53,10 +53,11 @@ class GoalPlanner:
         self.names: tuple[str, ...] = ()
 
     def rehearsed(self, progress: ProgressCallback | None = None) -> Front:
-        """Return the front for the problem's own start and goal; this compiles kernels and finds errors before a goal.
+        """Plan once from the problem's own start to its own goal, and return the front, before the first goal arrives.
 
-        Raises UnknownName if the default choice is neither "knee", a criterion nor a row number. A row number is
-        checked later, against the front of each goal.
+        So kernels are compiled, and errors found, before a robot waits. Raises UnknownName if the default choice is not
+        "knee", a criterion (also as "fewest turns" or "least length") or a row number. Whether a front has the row is
+        checked later, for each goal.
         """
         front = self.problem.solve(self.planners, progress=progress)
         self.names = front.names

@@ -243,7 +243,7 @@ class _Connection(H11Protocol):
             self._expect(None)
 
     def pause_writing(self) -> None:
-        """Start the deadline for a client that reads too slowly."""
+        """Note that sent data wait for a slow client; drop the connection if they still wait after `SENDING` s."""
         super().pause_writing()
         self._expect(SENDING)
 
@@ -299,7 +299,7 @@ def _socket_protocol(server: PageServer) -> Any:
             super().connection_lost(exc)
 
         def pause_writing(self) -> None:
-            """Start the deadline for a client that reads too slowly."""
+            """Note that sent data wait for a slow client; drop the connection if they still wait after `SENDING` s."""
             super().pause_writing()
             self._deadline = self.loop.call_later(SENDING, self.transport.abort)
 

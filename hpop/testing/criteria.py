@@ -276,7 +276,7 @@ def _linear_motions(rng: np.random.Generator, world: World, model: Model, kind: 
 
 
 def _edges_fault(criterion: Criterion, world: World, tours: list[Trajectory]) -> str:
-    """Return a fault if the cost of a trajectory is not the sum (mean, maximum) over its motions; "" otherwise."""
+    """Return a fault if a trajectory's cost is not the sum, time-mean or maximum of its motions' costs; else ""."""
     for trajectory in tours:
         costs = np.zeros(len(trajectory))
         for index, motions in trajectory.batches(world):

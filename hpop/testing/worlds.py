@@ -79,7 +79,7 @@ def latency() -> MeasuredField:
 
 @checked_arguments
 def reframed(world: World) -> World:
-    """Return a world of polygons and solids, with its content, rotated and shifted by ``FRAME``."""
+    """Return a copy of a world without cells, rotated and shifted by ``FRAME`` with its people, landmarks and zones."""
 
     def place(geometry: Any) -> Any:
         return shapely.transform(geometry, lambda points: np.stack(in_frame(points[:, 0], points[:, 1]), axis=1))

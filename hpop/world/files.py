@@ -59,9 +59,8 @@ def read_bytes(path: str | Path, what: str, *, limit: int = MAX_BYTES) -> bytes:
         data = read_regular(path, limit)
     except OSError as error:
         near = meant_file(Path(path)) if isinstance(error, FileNotFoundError) else ""
-        raise MapError(
-            f"{what} {named(path)} cannot be opened: {error.strerror or error}. Check the path.{near}"
-        ) from None
+        remedy = "Check its permissions" if isinstance(error, PermissionError) else "Check the path"
+        raise MapError(f"{what} {named(path)} cannot be opened: {error.strerror or error}. {remedy}.{near}") from None
     if not data:
         raise MapError(f"{what} {named(path)} is empty (0 bytes). Check the file.")
     return data

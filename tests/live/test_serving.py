@@ -73,7 +73,11 @@ def test_tokens_stay_over_a_restart_and_another_machine_connects_over_https(tmp_
 def test_short_tokens_and_options_of_another_robot_are_refused(run: Callable[..., Result], tmp_path: Path) -> None:
     (tmp_path / "room.yaml").write_text(ROOM)
     for options, words in (
-        (("--token", "short"), "--token must have 12 to 100 letters"),
+        (
+            ("--token", "short"),
+            "--token must have 12 to 100 letters (a to z, A to Z), digits, - and _, got 5 characters;",
+        ),
+        (("--token", "open, sesame"), "got 12 characters, 2 of them not allowed; choose a random one"),
         (("--map-topic", "/map"), "--map-topic is for a robot over rosbridge"),
         (("--robot", "ws://localhost:9", "--crowd", "3"), "--crowd is for the simulated robot"),
         (("--robot", "localhost:9090"), "url must be the address of a bridge"),

@@ -306,9 +306,10 @@ def piece_ends(pieces: int, most: int) -> IntArray:
 
 
 def merged_rates(found: Trace, column: int, ends: IntArray) -> FloatArray:
-    """Return the rate (m,) of a criterion in each group of consecutive pieces, between indices ``ends`` (m+1,).
+    """Return the rate (m,) of a criterion in each of m groups of consecutive pieces of a trajectory.
 
-    It is the greatest rate for a criterion that is a maximum, else the mean over time.
+    Group i has the pieces from index ``ends[i]`` up to, but without, ``ends[i + 1]``. Its rate is the greatest one of
+    its pieces for a criterion that is a maximum, else their mean over time.
     """
     rate, lasts = found.rate[:, column], found.pieces.durations
     if found.criteria[column].aggregate == "max":

@@ -134,7 +134,10 @@ def within_reach(rounds: FloatArray, o: tuple[float, ...], reach: float, found: 
 
 @lean
 def bundle(directions: FloatArray) -> tuple[float, float, float, float]:
-    """Return a cone that holds rays (K, 3): unit axis x, y, z and half opening, rad; 4 for rays in most directions."""
+    """Return a cone that holds rays (K, 3), not the smallest one: its unit axis x, y, z and its half angle, rad.
+
+    If the rays spread too far for a useful cone, the axis is 0, 0, 0 and the half angle is 4, which holds everything.
+    """
     x = y = z = 0.0
     for k in range(len(directions)):
         x, y, z = x + directions[k, 0], y + directions[k, 1], z + directions[k, 2]

@@ -138,7 +138,10 @@ def _goals(file: RoadFile, state: Element, lanes: Sequence[Lane], what: str, sai
         return []
     refs = {ref.get("ref", "?") for ref in position.findall("lanelet")}
     if unknown := refs - {lane.number for lane in lanes}:
-        raise file.error(f"a goal of {what} refers to lanelet {some(sorted(unknown))}, which is no lane for cars")
+        raise file.error(
+            f"a goal of {what} refers to lanelet{'s' * (len(unknown) > 1)} {some(sorted(unknown))}: the file has no "
+            "lane for cars with this id; correct the id, or give goal as a state, [x, y, yaw]"
+        )
     shapes = [shape.area for shape in file.shapes(position, f"a goal of {what}")]
     shapes += [shapely.Point(point).buffer(GAP) for point in file.points(position, f"a goal of {what}")]
     region = shapely.union_all(shapes)

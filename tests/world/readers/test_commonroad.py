@@ -367,7 +367,7 @@ def test_other_formats_say_how_to_convert_them(tmp_path):
         ),
         ((problem(7, (2, 2, None, 0), IN_THE_MIDDLE),), "needs time 0 and an orientation"),
         ((problem(7, (2, 2, 0, 5), IN_THE_MIDDLE),), "needs time 0 and an orientation"),
-        ((problem(7, (2, 2, 0, 0), '<position><lanelet ref="77"/></position>'),), "refers to lanelet 77"),
+        ((problem(7, (2, 2, 0, 0), '<position><lanelet ref="77"/></position>'),), "refers to lanelet 77: the file has"),
     ],
 )
 def test_a_planning_problem_that_cannot_be_used_says_what_to_give(tmp_path, elements, said):

@@ -182,6 +182,14 @@ def test_what_would_grow_without_end_is_refused(monkeypatch):
         lines(nested)
 
 
+def test_too_many_points_are_refused_with_the_layers(monkeypatch):
+    monkeypatch.setattr(collected, "MOST_POINTS", 5)
+    lines = collected.Lines(None)
+    assert lines.wants("WALLS")
+    with pytest.raises(ChildRefused, match=r"more than 5 points.* with the option layers\. .* this point: WALLS \(1\)"):
+        lines.add("WALLS", [[(0.0, float(y)) for y in range(6)]])
+
+
 def test_more_crossings_than_a_plan_has_are_refused_with_the_layers(tmp_path):
     def tiles(drawing):
         for i in range(190):

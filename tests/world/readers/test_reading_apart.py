@@ -103,3 +103,12 @@ def test_a_reader_is_found_by_the_ending(tmp_path):
     (tmp_path / "plan.txt").write_text("{}")
     with pytest.raises(MapError, match="GeoJSON"):
         World.from_file(tmp_path / "plan.txt", reader="geojson")
+
+
+def test_a_file_that_may_not_be_read_is_refused_with_what_to_check(monkeypatch):
+    def closed(path, limit):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(files, "read_regular", closed)
+    with pytest.raises(MapError, match=r"cannot be opened: Permission denied\. Check its permissions\.$"):
+        files.read_bytes("plan.pdf", "map")

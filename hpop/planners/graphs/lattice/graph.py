@@ -375,5 +375,8 @@ class StateLattice(StateGraph):
         return self.arcs.of(self.kinds.index(kind))
 
     def what_separates(self, start: int, goals: list[int]) -> str:
-        """Return the reason, as text, why no path leads from a state to the goals: a narrow passage, or a wall."""
+        """Return in words why no path leads from a state to the goals, between which there is none, and a remedy.
+
+        The reason is obstacles, a passage too narrow for the robot, or steps and turns that the lattice does not have.
+        """
         return what_separates(self, start, goals)

@@ -115,10 +115,10 @@ class PolylineProgram:
         return 0 if n < 2 or (n == 2 and bound == 2) else 2 * (n - 1) - bound
 
     def _free(self, polyline: Polyline) -> FloatArray:
-        """Return the coordinates of a polyline that are variables of the program.
+        """Return the values, m, of the program's variables for a polyline, as one array.
 
-        They are the length of the first segment if its heading is fixed, likewise of the last one, then x and y of
-        each inner vertex that is not at the end of such a segment.
+        First comes the length of the first segment if its heading is fixed, then that of the last one likewise, then
+        x and y of each inner vertex that does not bound such a segment.
         """
         inner, lengths = polyline.vertices[1:-1], polyline.lengths
         first, last = int(self._along_first), int(self._along_last)
