@@ -175,7 +175,7 @@ def test_a_key_of_a_scenario_in_a_comment_beside_a_command_is_accepted(
 
 @pytest.mark.parametrize("text", blocks("yaml"))
 def test_a_scenario_in_a_document_is_one_but_for_maps_that_are_not_there(text: str, here: Path) -> None:
-    shown = yaml.safe_load(text)
+    shown = yaml.safe_load(re.sub(r"\bon:", '"on":', text))  # which is True in YAML 1.1
     if "events" in shown:
         (here / "events.yaml").write_text(text)
         assert load_events(here / "events.yaml").events

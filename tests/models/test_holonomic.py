@@ -178,7 +178,10 @@ def test_planners_that_need_turns_and_moves_refuse_it_by_name_and_say_who_can(pr
 
 
 def test_a_drive_of_it_on_the_graph_of_another_robot_is_refused(problem):
-    with pytest.raises(UnsupportedModel, match=r"lattice needs a model with .*turn-move"):
+    with pytest.raises(
+        UnsupportedModel,
+        match=r"a drive needs a robot with straight moves and turns in place \(turn-move\).*holonomic lacks them",
+    ):
         hpop.follow(problem, problem.solve(ROADMAP), "knee", planner={"lattice": {"step": 0.5}})
 
 

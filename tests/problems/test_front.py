@@ -164,7 +164,7 @@ def test_a_copy_takes_the_map_beside_it_unless_that_changed_and_the_first_one_di
     assert rebuilt(copy / "out" / "front.json").world.describe()["path"] == str(copy / "hall.map")
     (tour / "hall.map").unlink()
     (copy / "hall.map").write_text(MAP.replace("@", "."))
-    with pytest.raises(MapError, match="changed since this was saved"):
+    with pytest.raises(MapError, match="changed since the result that refers to it was saved"):
         rebuilt(copy / "out" / "front.json")
 
 

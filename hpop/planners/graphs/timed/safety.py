@@ -347,7 +347,7 @@ class Safety:
             clear[some] = ~self._nearer(pieces, some, corners, person, walk, touch.gap[some])
             some = np.flatnonzero(inside & pieces.stands)
             ends = of_rows(seen, some)
-            clear[some] |= ~self._nearer(pieces, some, ends, person, walk, touch.gap[some] + self.stray)
+            clear[some] |= ~self._nearer(pieces, some, ends, person, walk, touch.gap[some])
         if person in self.touched:
             clear |= self._parts_from(pieces, tick, person, touch)
         leaves: BoolArray = inside & clear & (tick <= self.clock.up_to(self._leaves_until))
