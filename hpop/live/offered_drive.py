@@ -27,6 +27,8 @@ Pose = tuple[float, float, float]
 
 AHEAD = 0.8
 """Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
+BEHIND = 0.1
+"""Delay, s, above which ways to a new destination are computed anew, as they begin later than was assumed."""
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
 PASSED = "the robot has passed the place where this way begins; choose again"
@@ -112,6 +114,13 @@ class OfferedDrive:
         arrives = offer.options is not None and offer.options.commit.arrives  # no other way is left
         return not arrives and now + self.brakes > offer.time
 
+    def _is_behind(self, offer: Offer, now: float) -> bool:
+        """Return whether the robot is over `BEHIND` s later than an offer assumed, as after a stop."""
+        if offer.before is None or self.drive is None or now < self.drive.begin:
+            return False
+        passed = self.drive.at(now).planned + (0.0 if self.prefix is None else self.prefix.duration)
+        return offer.before.duration - (offer.time - now) - passed > BEHIND
+
     def _is_open(self, offer: Offer, now: float, option: int) -> bool:
         """Return whether a way of an offer is clear of closed areas and people as they are predicted now.
 
@@ -164,7 +173,7 @@ class OfferedDrive:
         drive = follow(offer.problem, offer.ways.front, option, planner=planner, begin=max(0.0, begin), waits=False)
         with self.changing:
             self.drive = drive
-        self._offer_rest(max(now, self.clock(), begin), AHEAD, within=0.0)  # for pushes, until the graph is built
+        self._offer_rest(max(now, self.clock()), AHEAD, within=0.0)  # for pushes, until the graph is built
 
     def push_at_once(self, now: float, pose: Pose, direction: float) -> Iterator[Message]:
         """Answer a push beside a request that another thread is answering; no message if it has to wait for that.

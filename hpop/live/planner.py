@@ -167,7 +167,8 @@ class LivePlanner(OfferedDrive):
         now = self._see(now, pose)
         chosen = offer.ways.trajectories[option]
         with self.changing:
-            is_takeable = offer is self.offer and not self._is_late(offer, now) and self._is_open(offer, now, option)
+            is_takeable = offer is self.offer and not (self._is_late(offer, now) or self._is_behind(offer, now))
+            is_takeable = is_takeable and self._is_open(offer, now, option)
         if not is_takeable:
             found = yield from self._anew(now, pose, chosen)
             if found is None:

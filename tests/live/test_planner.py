@@ -204,6 +204,23 @@ def test_a_new_destination_is_taken_where_the_robot_can_still_turn_however_long_
     assert plans == 1
 
 
+@pytest.mark.parametrize("thinks", [0.05, 0.7, 1.5, 2.5, 5.0])
+def test_a_robot_that_was_stopped_takes_a_way_to_a_new_destination_from_where_it_stands(
+    planner: LivePlanner, thinks: float
+) -> None:
+    """However long the viewer looks at the ways, the plan at that time is where the robot stands."""
+    told = of(planner.destination(0.0, START, {"x": 6.0, "y": 4.0}), "options")
+    list(planner.take(0.1, START, told["cards"][0]["option"]))
+    assert planner.drive is not None
+    stands = tuple(float(getattr(planner.drive.at(1.0).state, name)[0]) for name in ("x", "y", "yaw"))
+    told = of(planner.destination(3.0, stands, {"x": 1.0, "y": 4.0}), "options")
+    plan = of(planner.take(3.0 + thinks, stands, told["cards"][0]["option"], told["asked"]), "plan")
+    assert plan["now"] == 3.0 + thinks
+    state = Trajectory.from_description(planner.template.model, plan["trajectory"]).at(plan["elapsed"])
+    assert math.dist((float(state.x[0]), float(state.y[0])), stands[:2]) < 0.1 + 1e-6  # m, what it drives in `BEHIND`
+    assert abs(math.remainder(float(state.yaw[0]) - stands[2], math.tau)) < 0.1
+
+
 def test_a_late_choice_of_a_new_destination_is_searched_once_if_that_takes_about_as_long_as_before(
     planner: LivePlanner,
 ) -> None:
