@@ -72,8 +72,10 @@ def test_paths_among_parked_cars_are_clear_of_them(seed):
     for trajectory in front.trajectories:
         assert overlap(trajectory, obstacles) <= BEYOND
         assert overlap(trajectory.execution(), obstacles) <= BEYOND
-    through = max(overlap(trajectory, obstacles) for trajectory in problems[1].solve(planner).trajectories)
-    assert len(front) == 0 or through > 0.01  # without obstacles paths lead through them, which the judge here sees
+    alone = problems[1].solve(planner)
+    through = max(overlap(trajectory, obstacles) for trajectory in alone.trajectories)
+    # Unless the obstacles change nothing, paths without them lead through them, which the judge here sees.
+    assert len(front) == 0 or through > 0.01 or np.allclose(front.costs, alone.costs)
 
 
 def test_a_park_has_a_path():
