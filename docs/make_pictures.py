@@ -134,7 +134,7 @@ RECIPES = [
     example(
         "12_passenger",
         {
-            "ride": "A passenger on a road: speed and felt acceleration of a fast, a balanced and a gentle ride",
+            "felt": "A passenger on a road: speed and felt acceleration of a fast, a balanced and a gentle ride",
             "front": "Its front: the time of the ride against the passenger's motion sickness dose",
         },
     ),
