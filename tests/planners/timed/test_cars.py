@@ -100,7 +100,7 @@ def test_no_plan_touches_a_person_and_executions_keep_its_times(seed):
 U_TURN = PrimitivesGraph(step=0.6).spec
 
 
-@pytest.mark.parametrize("car", [hpop.Ackermann(reverse_speed=0.0), CAR])
+@pytest.mark.parametrize("car", [hpop.Ackermann(reverse_speed=0.0), pytest.param(CAR, marks=pytest.mark.proof)])
 def test_the_parts_of_a_long_arc_are_driven_one_by_one_as_planned(car):
     """An arc of half a circle is planned in two parts, with a stop to steer before each: so it is driven."""
     ann = Person(4.2298, 3.6079, velocity=(-0.3721, -0.4704), name="Ann")
