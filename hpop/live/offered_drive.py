@@ -27,8 +27,8 @@ Pose = tuple[float, float, float]
 
 AHEAD = 0.8
 """Time, s, until ways begin that are offered ahead; braking comes in addition. Pushes are answered from them."""
-BEHIND = 0.1
-"""Delay, s, above which ways to a new destination are computed anew, as they begin later than was assumed."""
+STALE = 0.1
+"""Delay of the robot, s, since an offer of ways to a new destination, above which they are computed anew."""
 LEAD = 0.1
 """Time, s, from a question until its options can begin; braking comes in addition."""
 PASSED = "the robot has passed the place where this way begins; choose again"
@@ -115,11 +115,11 @@ class OfferedDrive:
         return not arrives and now + self.brakes > offer.time
 
     def _is_behind(self, offer: Offer, now: float) -> bool:
-        """Return whether the robot is over `BEHIND` s later than an offer assumed, as after a stop."""
+        """Return whether the robot is over `STALE` s later than an offer assumed, as after a stop."""
         if offer.before is None or self.drive is None or now < self.drive.begin:
             return False
         passed = self.drive.at(now).planned + (0.0 if self.prefix is None else self.prefix.duration)
-        return offer.before.duration - (offer.time - now) - passed > BEHIND
+        return offer.before.duration - (offer.time - now) - passed > STALE
 
     def _is_open(self, offer: Offer, now: float, option: int) -> bool:
         """Return whether a way of an offer is clear of closed areas and people as they are predicted now.

@@ -217,7 +217,7 @@ def test_a_robot_that_was_stopped_takes_a_way_to_a_new_destination_from_where_it
     plan = of(planner.take(3.0 + thinks, stands, told["cards"][0]["option"], told["asked"]), "plan")
     assert plan["now"] == 3.0 + thinks
     state = Trajectory.from_description(planner.template.model, plan["trajectory"]).at(plan["elapsed"])
-    assert math.dist((float(state.x[0]), float(state.y[0])), stands[:2]) < 0.1 + 1e-6  # m, what it drives in `BEHIND`
+    assert math.dist((float(state.x[0]), float(state.y[0])), stands[:2]) < 0.1 + 1e-6  # m, what it drives in `STALE` s
     assert abs(math.remainder(float(state.yaw[0]) - stands[2], math.tau)) < 0.1
 
 
